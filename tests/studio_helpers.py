@@ -113,7 +113,8 @@ class Tab:
 
 
 @contextmanager
-def served(output: Path) -> Iterator[Studio]:
+def served(output: Path, **more: Any) -> Iterator[Studio]:
+    """A studio that writes into a folder. more: what else `application` takes."""
     import uvicorn
 
     from fractal_exp.studio.server import LONGEST_WORD, application
@@ -121,7 +122,7 @@ def served(output: Path) -> Iterator[Studio]:
 
     listening = bound(0)
     studio = Studio(listening.getsockname()[1], output)
-    app = application(output, token=TOKEN, port=studio.port, start=START, left=studio.left.append)
+    app = application(output, token=TOKEN, port=studio.port, start=START, left=studio.left.append, **more)
     server = uvicorn.Server(uvicorn.Config(app, ws="websockets-sansio", ws_max_size=LONGEST_WORD, log_level="error",
                                            lifespan="on", timeout_graceful_shutdown=1))
     thread = threading.Thread(target=server.run, args=([listening],), daemon=True)
@@ -147,8 +148,12 @@ class InThread:
         listen(Ready())
 
     def do(self, task: Any) -> None:
-        self.thread = threading.Thread(target=lambda: self.listen(task.run(self.listen)), daemon=True)
+        self.thread = threading.Thread(target=lambda: self.listen(self.done(task)), daemon=True)
         self.thread.start()
+
+    def done(self, task: Any) -> Any:
+        """What comes of a task in the end."""
+        return task.run(self.listen)
 
     def stop(self) -> None:
         pass

@@ -28,6 +28,7 @@ from ..viewer.page import fragments
 from .keeping import Folder
 from .messages import understood
 from .session import Session
+from .worker import Listener, Worker
 
 LARGEST_UPLOAD = 64 * 2**20   # bytes
 LONGEST_WORD = 2**20          # characters of a message from a page
@@ -105,16 +106,16 @@ async def _with_headers(send: Send, message: Message) -> None:
     await send(message)
 
 
-def application(output: Path, *, token: str, port: int, start: str = "", left: Callable[[str], None] = lambda _: None
-                ) -> ASGIApp:
+def application(output: Path, *, token: str, port: int, start: str = "", left: Callable[[str], None] = lambda _: None,
+                worker: Callable[[Listener], Worker] = Worker) -> ASGIApp:
     """The ASGI application of one session. output: the only folder that it writes into; start: see `Guard`; left: told
-    in words what became of a code that nobody had saved when the application ended. Raises `InputError` if the folder
-    cannot be written."""
+    in words what became of a code that nobody had saved when the application ended; worker: see `Session`. Raises
+    `InputError` if the folder cannot be written."""
     folder = Folder.new(output)
 
     @contextlib.asynccontextmanager
     async def lifespan(app: Starlette) -> AsyncIterator[None]:
-        app.state.session = session = Session(folder, output, asyncio.get_running_loop())
+        app.state.session = session = Session(folder, output, asyncio.get_running_loop(), worker)
         app.state.taking = asyncio.Lock()
         try:
             yield

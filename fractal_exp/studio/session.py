@@ -25,7 +25,7 @@ from .keeping import Folder, unfinished
 from .reading import Picture, Reading, file_name, plain_name
 from .standing import SEARCHES, Standing
 from .tasks import Best, Done, Find, Judge, Settings, Told
-from .worker import Ready, Word, Worker
+from .worker import Listener, Ready, Word, Worker
 
 DOING = {"find": "a search is going on; stop it first", "polish": "a search is going on; stop it first",
          "read": "a picture is being read; wait a moment", "save": "a code is being saved; wait a moment",
@@ -37,9 +37,10 @@ log = logging.getLogger(__name__)
 
 class Session(Standing):
     """One session. folder: in which it keeps what it would need to go on; output: the only other folder that is written
-    into; loop: the one in which all methods are called."""
+    into; loop: the one in which all methods are called; worker: makes what does the tasks."""
 
-    def __init__(self, folder: Folder, output: Path, loop: asyncio.AbstractEventLoop):
+    def __init__(self, folder: Folder, output: Path, loop: asyncio.AbstractEventLoop,
+                 worker: Callable[[Listener], Worker] = Worker):
         self.folder, self.output, self.loop = folder, output, loop
         super().__init__(list(unfinished(output)))
         self.closing = False
@@ -47,7 +48,7 @@ class Session(Standing):
         self.listeners: set[Hear] = set()
         self.reading = asyncio.Lock()         # one picture at a time, for its memory
         self.unkept, self.keeping = False, None
-        self.worker = Worker(lambda word: loop.call_soon_threadsafe(self._hear, word))
+        self.worker = worker(lambda word: loop.call_soon_threadsafe(self._hear, word))
 
     # What is told.
 

@@ -2,22 +2,23 @@
 
 import errno
 import multiprocessing
-import os
-import resource
 import signal
 import subprocess
 import sys
-from contextlib import contextmanager
+from contextlib import ExitStack
 from functools import partial
 
 import pytest
+from full_disk import a_disk_that_takes
 from train_helpers import train as fit
 
 from fractal_exp import InputError
 from fractal_exp.cli import commands, render, suite
 from fractal_exp.cli.folders import FitFolder
 from fractal_exp.cli.jobs import Outcome
+from fractal_exp.cli.runs import NoRuns
 from fractal_exp.runtime import files
+from fractal_exp.tracking import Tracker
 
 FORK = multiprocessing.get_context("fork")
 
@@ -49,22 +50,31 @@ def test_a_second_fit_in_a_folder_is_refused_at_once(train, tmp_path):
         holder.join()
 
 
-def test_a_disk_that_fills_up_ends_a_fit_in_one_line_and_the_fit_goes_on_from_what_was_saved(train, tmp_path,
-                                                                                            monkeypatch):
+class Filling(Tracker):
+    """What a fit secures before its second checkpoint fills the disk, until the fit ends."""
+
+    def __init__(self):
+        self.secured, self.full = 0, ExitStack()
+
+    def secure(self):
+        self.secured += 1
+        if self.secured == 2:
+            self.full.enter_context(a_disk_that_takes(100))
+
+    def finish(self, status="FINISHED", error=None):
+        self.full.close()
+
+
+class OnAFullDisk(NoRuns):
+    def start(self, *_, **__):
+        return Filling()
+
+
+def test_a_disk_that_fills_up_ends_a_fit_in_one_line_and_the_fit_goes_on_from_what_was_saved(train, tmp_path):
     train("name=whole", "resume=true")
-    fsync, saved = os.fsync, []
-
-    def full(descriptor):
-        if ".checkpoint.safeten" in os.readlink(f"/proc/self/fd/{descriptor}"):
-            saved.append(descriptor)
-            if len(saved) == 2:
-                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        return fsync(descriptor)
-
-    monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(InputError, match="cannot write .*/checkpoint.safetensors: No space left on device; free some "
-                                         "space.*; what was saved before stays, and resume=true goes on from it"):
-        train("resume=true")
+    with pytest.raises(InputError, match="cannot write .*/checkpoint.safetensors: File too large; files may not be so "
+                                         "large.*; what was saved before stays, and resume=true goes on from it"):
+        train("resume=true", f"tracking._target_={__name__}.OnAFullDisk")
     folder = tmp_path / "fits" / "fit"
     assert (folder / "checkpoint.safetensors").exists() and not list(folder.glob(".*partial"))
     train("resume=true")
@@ -76,18 +86,6 @@ def test_names_too_long_are_refused_with_what_to_shorten(train, tmp_path, key):
     with pytest.raises(InputError, match="File name too long; choose another with output=FOLDER, study=STUDY or "
                                          "name=NAME"):
         train(f"{key}={tmp_path if key == 'output' else ''}{'/' if key == 'output' else ''}{'x' * 300}")
-
-
-@contextmanager
-def a_disk_that_takes(size):
-    """No file may grow beyond so many bytes."""
-    handler, limits = signal.signal(signal.SIGXFSZ, signal.SIG_IGN), resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, limits[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
-        signal.signal(signal.SIGXFSZ, handler)
 
 
 @pytest.mark.parametrize(("main", "arguments", "size", "names"), [

@@ -1,11 +1,11 @@
 import multiprocessing
 import os
-import resource
 import signal
 import time
 
 import pytest
 import torch
+from full_disk import a_disk_that_takes
 
 from fractal_exp import InputError
 from fractal_exp.runtime.checkpoint import Checkpoint, Snapshot
@@ -75,14 +75,7 @@ def test_no_changed_byte_is_accepted(tmp_path):
 def test_a_full_disk_keeps_the_checkpoint_before(tmp_path):
     checkpoint = Checkpoint(tmp_path / "f", resume=True)
     checkpoint.save(SNAPSHOT)
-    previous = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    try:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (4096, limits[1]))
-        with pytest.raises(InputError, match="cannot write .*f: File too large; .*; what was saved before stays, and "
-                                             "resume=true goes on from it"):
-            checkpoint.save(Snapshot(8, {"x": torch.zeros(10_000)}))
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
-        signal.signal(signal.SIGXFSZ, previous)
+    with pytest.raises(InputError, match="cannot write .*f: File too large; .*; what was saved before stays, and "
+                                         "resume=true goes on from it"), a_disk_that_takes(4096):
+        checkpoint.save(Snapshot(8, {"x": torch.zeros(10_000)}))
     assert checkpoint.load().iteration == 7 and os.listdir(tmp_path) == ["f"]

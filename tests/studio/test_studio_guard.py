@@ -13,17 +13,15 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 from studio_helpers import START, TOKEN, InThread, served
 
-from fractal_exp.studio import server, session
+from fractal_exp.studio import server
 
 
 @pytest.fixture(scope="module")
 def studio(tmp_path_factory):
     """Without a process that searches."""
     pytest.importorskip("websockets", reason="the studio needs `pip install 'fractal-exp[studio]'`")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(session, "Worker", InThread)
-        with served(tmp_path_factory.mktemp("output")) as studio:
-            yield studio
+    with served(tmp_path_factory.mktemp("output"), worker=InThread) as studio:
+        yield studio
 
 
 def test_the_page_and_all_that_it_loads_come_with_the_token_alone(studio):
@@ -68,11 +66,11 @@ def test_a_line_needs_the_token_and_an_origin(studio):
     assert studio.ask("POST", f"/{TOKEN}/picture", Origin="")[0] == 403
 
 
-def test_an_upload_that_is_too_large_is_refused_before_it_is_read(studio, monkeypatch):
+def test_an_upload_that_is_too_large_is_refused_before_it_is_read(studio):
     status, text = studio.ask("POST", f"/{TOKEN}/picture", Content_Length=str(2**40))
     assert status == 413 and "64 MiB at most" in json.loads(text)["why"]
-    monkeypatch.setattr("fractal_exp.studio.server.LARGEST_UPLOAD", 1000)
-    chunk = b"%x\r\n%s\r\n" % (600, bytes(600))
+    half = server.LARGEST_UPLOAD // 2 + 1
+    chunk = b"%x\r\n%s\r\n" % (half, bytes(half))
     status, text = studio.ask("POST", f"/{TOKEN}/picture", 2 * chunk + b"0\r\n\r\n", Transfer_Encoding="chunked",
                               Content_Length="")
     assert status == 413
@@ -126,11 +124,16 @@ def test_the_browser_never_has_the_token_among_its_arguments(tmp_path, monkeypat
     from fractal_exp.studio import serving
 
     opened = []
-    monkeypatch.setattr("webbrowser.open", opened.append)
-    monkeypatch.setattr("uvicorn.Server.run", lambda self, sockets: None)
+
+    def opens_and_ends(address):
+        opened.append(address)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("webbrowser.open", opens_and_ends)
     hangup = signal.getsignal(signal.SIGHUP)
     try:
-        studio.main(["--port", "0", "--output", str(tmp_path)])
+        with pytest.raises(SystemExit, match="130"):
+            studio.main(["--port", "0", "--output", str(tmp_path)])
     finally:
         signal.signal(signal.SIGHUP, hangup)
     token = re.search(r"http://127.0.0.1:\d+/([\w-]+)/", capsys.readouterr().out)[1]

@@ -1,109 +1,142 @@
 """Nothing that a user has found is lost or shown as what it is not: while it is saved, on a full disk, at the end."""
 
-import errno
+import asyncio
 import json
-import os
+import struct
 import threading
 import time
+import zlib
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 
 import numpy as np
 import pytest
+from full_disk import a_disk_that_takes
 from studio_helpers import SIDE, TOKEN, InThread, free, judged, rows, served
 
-from fractal_exp import IFS, InputError, codes, suite
+from fractal_exp import IFS, codes, suite
 from fractal_exp.ifs import attractor
 from fractal_exp.images.reading import ReadImage
 from fractal_exp.inversion import Work, conclude
 from fractal_exp.methods.base import CodeReconstruction, Progress
-from fractal_exp.studio import reading, session, tasks
+from fractal_exp.studio import reading, tasks
+from fractal_exp.studio.keeping import Folder
+from fractal_exp.studio.session import Session
 
 FIRST = rows([[.5, 0, 0, .5, 0, 0], [.5, 0, 0, .5, .3, 0]])
 SECOND = rows([[.5, 0, 0, .5, 0, 0], [.4, 0, 0, .5, .3, .2]])
 
 
+class Finding(InThread):
+    """A worker that knows what each search finds, and judges when it may. searches: those that it was told to do."""
+
+    def __init__(self, searches, may_judge, listen):
+        self.searches, self.may_judge = searches, may_judge
+        super().__init__(listen)
+
+    def done(self, task):
+        if isinstance(task, tasks.Find):
+            self.searches.append(task)
+            work = Work(CodeReconstruction(IFS.from_json(FIRST)), stopped="done")
+            return tasks.Done(conclude(work, task.picture, name="collage"))
+        self.may_judge.wait(60)
+        return super().done(task)
+
+
 @pytest.fixture
-def quick(tmp_path, monkeypatch, triangle):
+def searches():
+    return []
+
+
+@pytest.fixture
+def may_judge():
+    event = threading.Event()
+    event.set()
+    return event
+
+
+@pytest.fixture
+def quick(tmp_path, monkeypatch, triangle, searches, may_judge):
     """A studio without a process that searches and without a tracker, and a page of it with a picture."""
     pytest.importorskip("websockets", reason="the studio needs `pip install 'fractal-exp[studio]'`")
-
-    def no_tracker(*_):
-        raise InputError("no tracker here")
-
-    monkeypatch.setattr(session, "Worker", InThread)
-    monkeypatch.setattr(session.saving, "track", no_tracker)
-    with served(tmp_path) as studio, studio.tab() as tab:
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", "nowhere")
+    with served(tmp_path, worker=partial(Finding, searches, may_judge)) as studio, studio.tab() as tab:
         assert studio.send(triangle, "triangle.png") == (200, "")
         tab.until(lambda state: free(state) and state["picture"])
         yield studio, tab
-
-
-def full(monkeypatch):
-    """From now on the disk takes no file."""
-    def refuse(_):
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    monkeypatch.setattr("fractal_exp.runtime.files.os.fsync", refuse)
 
 
 def files(folder):
     return {path for path in folder.rglob("*") if path.is_file() and path.name != ".lock"}
 
 
-def found(task, code):
-    """The end of a search that has found a code."""
-    work = Work(CodeReconstruction(IFS.from_json(code)), stopped="done")
-    return tasks.Done(conclude(work, task.picture, name="collage"))
-
-
 def linear(code):
     return None if code is None else code["linear"]
 
 
-def test_a_code_that_is_changed_while_another_tab_saves_is_judged_and_not_shown_as_saved(quick, monkeypatch):
-    studio, tab = quick
-    begun, go, save = threading.Event(), threading.Event(), session.saving.save
+def kept_file(folder, code):
+    """The file of the code in the session's folder, once it is there."""
+    end = time.monotonic() + 60
+    while not (kept := [each.with_name("code.json") for each in folder.rglob("session.json")]) or not (
+            kept[0].exists() and linear(IFS.load(kept[0]).to_json()) == code["linear"]):
+        assert time.monotonic() < end, "the code is written as it is found, not at the end"
+        time.sleep(0.05)
+    return kept[0]
 
-    def slowly(*given):
-        begun.set()
-        go.wait(60)
-        return save(*given)
 
-    monkeypatch.setattr(session.saving, "save", slowly)
-    tab.do("edit", code=FIRST)
-    tab.until(judged)
-    with studio.tab() as other:
-        tab.do("save")
-        assert begun.wait(60)
-        other.do("edit", code=SECOND)
-        other.until(lambda state: state["task"] == "save" and linear(state["code"]) == SECOND["linear"])
-        go.set()
-        state = tab.until(judged)
-    assert state["saved"] == {} and state["judged"] and linear(state["code"]) == SECOND["linear"]
-    tab.do("save")
-    saved = tab.until(lambda state: free(state) and state["saved"])["saved"]
+async def judging(session):
+    """Wait until the code is judged."""
+    for _ in range(6000):
+        if session.task == "" and session.found is not None:
+            return
+        await asyncio.sleep(0.01)
+    raise AssertionError("it is not judged")
+
+
+async def changed_while_it_is_saved(folder, picture):
+    """Where a session stands after that, and after it is saved again."""
+    session = Session(Folder.new(folder), folder, asyncio.get_running_loop(), InThread)
+    await session.take(picture, "triangle.png")
+    session.edit(IFS.from_json(FIRST))
+    await judging(session)
+    saving = asyncio.create_task(session.save())
+    await asyncio.sleep(0)  # the files are being written, in a thread, which is heard of again when this one waits
+    session.edit(IFS.from_json(SECOND))
+    during = session.facts()
+    await saving
+    await judging(session)
+    after = session.facts()
+    await session.save()
+    again = session.facts()
+    assert await session.close() == ""
+    return during, after, again
+
+
+def test_a_code_that_is_changed_while_it_is_saved_is_judged_and_not_shown_as_saved(tmp_path, monkeypatch, triangle):
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", "nowhere")
+    with ThreadPoolExecutor(1) as thread:  # where Chromium was tested before, Playwright's loop still runs in this one
+        during, after, again = thread.submit(asyncio.run, changed_while_it_is_saved(tmp_path, triangle)).result()
+    assert during["task"] == "save" and linear(during["code"]) == SECOND["linear"]
+    assert after["saved"] == {} and after["judged"] and linear(after["code"]) == SECOND["linear"]
+    saved = again["saved"]
     assert linear(IFS.load(f"{saved['folder']}/code.json").to_json()) == SECOND["linear"]
-    assert saved["not_tracked"] == "no tracker here"
+    assert "correct MLFLOW_TRACKING_URI" in saved["not_tracked"]
 
 
-def test_what_was_not_saved_is_offered_at_the_next_start_with_the_way_back(tmp_path, quick, monkeypatch):
+def test_what_was_not_saved_is_offered_at_the_next_start_with_the_way_back(tmp_path, quick):
     studio, tab = quick
-    monkeypatch.setattr(tasks.Find, "run", lambda task, tell: found(task, FIRST))
     tab.do("edit", code=FIRST, mark="mine")
     assert tab.until(judged)["mark"] == "mine"
     tab.do("find", settings={"maps": 2})
     tab.until(judged)
     tab.do("edit", code=SECOND)
     tab.until(judged)
-    end = time.monotonic() + 60
-    while not (kept := list(tmp_path.rglob("code.json"))) or linear(IFS.load(kept[0]).to_json()) != SECOND["linear"]:
-        assert time.monotonic() < end, "the code is written as it is found, not at the end"
-        time.sleep(0.05)
-    with served(tmp_path) as second, second.tab() as other:
+    kept = kept_file(tmp_path, SECOND)
+    with served(tmp_path, worker=InThread) as second, second.tab() as other:
         assert other.until(free)["offer"] is None, "the first is still at work"
     studio.end()
-    assert str(kept[0]) in studio.left[0]
-    with served(tmp_path) as third, third.tab() as other:
+    assert str(kept) in studio.left[0]
+    with served(tmp_path, worker=InThread) as third, third.tab() as other:
         offer = other.until(free)["offer"]
         assert offer["name"] == "triangle.png" and offer["maps"] == 2
         other.do("resume")
@@ -130,44 +163,41 @@ def test_a_damaged_session_is_not_offered(tmp_path, quick):
     studio.end()
     state, = tmp_path.rglob("session.json")
     state.write_text(json.dumps(json.loads(state.read_text()) | {"picture": "../../etc/passwd"}))
-    with served(tmp_path) as second, second.tab() as other:
+    with served(tmp_path, worker=InThread) as second, second.tab() as other:
         assert other.until(free)["offer"] is None
     assert state.exists()
 
 
-def test_a_full_disk_is_told_and_leaves_no_half_files(tmp_path, quick, monkeypatch, triangle):
+def test_a_full_disk_is_told_and_leaves_no_half_files(tmp_path, quick, triangle):
     studio, tab = quick
     tab.do("edit", code=FIRST)
     tab.until(judged)
+    kept_file(tmp_path, FIRST)
     before = files(tmp_path)
-    with monkeypatch.context() as patch:
-        full(patch)
+    with a_disk_that_takes(0):
         status, why = studio.send(triangle, "other.png")
-        assert status == 400 and "No space left" in why and "free some space" in why
-        assert "No space left" in tab.refused("save")
+        assert status == 400 and "File too large" in why and "choose another disk" in why
+        assert "File too large" in tab.refused("save")
         tab.do("edit", code=SECOND)
         tab.until(lambda state: judged(state) and linear(state["code"]) == SECOND["linear"]
-                  and "No space left" in state["why"])
-        assert files(tmp_path) <= before
+                  and "File too large" in state["why"])
         studio.end()
-    assert "No space left" in studio.left[0]
+        assert files(tmp_path) <= before
+    assert "File too large" in studio.left[0]
     code = json.loads(studio.left[0].split("was not saved: ")[1])
     assert code["linear"] == SECOND["linear"], "the terminal is the last place where it can be put"
 
 
-def test_every_file_of_a_save_is_written_or_none(tmp_path, quick, monkeypatch):
+def test_every_file_of_a_save_is_written_or_none(tmp_path, quick):
     studio, tab = quick
     tab.do("edit", code=FIRST)
     tab.until(judged)
-    with monkeypatch.context() as patch:
-        def refuse(*_, **__):
-            raise InputError("cannot write code.html: No space left on device")
-        patch.setattr(IFS, "save_html", refuse)
-        assert "No space left" in tab.refused("save")
+    with a_disk_that_takes(50_000):  # the page alone is larger
+        assert "code.html: File too large" in tab.refused("save")
     assert not list(tmp_path.rglob("inversion.json"))
 
 
-def test_previews_are_read_once_and_one_at_a_time(quick, monkeypatch, triangle):
+def test_previews_are_read_once_and_one_at_a_time(quick, monkeypatch):
     studio, tab = quick
     at_once, most, read = [], [], reading.read_small
 
@@ -182,39 +212,34 @@ def test_previews_are_read_once_and_one_at_a_time(quick, monkeypatch, triangle):
     with ThreadPoolExecutor(4) as threads:
         answers = list(threads.map(lambda _: studio.ask("GET", f"/{TOKEN}/given.png"), range(4)))
     assert {status for status, _ in answers} == {200} and len({png for _, png in answers}) == 1 and most == [1]
-    monkeypatch.setattr(reading, "MOST_PIXELS", 1000)
-    status, why = studio.send(triangle)
-    assert status == 400 and f"{SIDE}×{SIDE} pixels, at most" in why
 
 
-def test_a_search_may_follow_a_drag_at_once(quick, monkeypatch):
+def test_a_picture_of_too_many_pixels_is_refused_before_it_is_decoded(quick):
+    studio, _ = quick
+    header = b"IHDR" + struct.pack(">IIBBBBB", 20_000, 5001, 1, 0, 0, 0, 0)
+    status, why = studio.send(b"\x89PNG\r\n\x1a\n" + struct.pack(">I", 13) + header
+                              + struct.pack(">I", zlib.crc32(header)) + struct.pack(">I", 0) + b"IDAT")
+    assert status == 400 and "20000×5001 pixels, at most" in why
+
+
+def test_a_search_may_follow_a_drag_at_once(quick, searches, may_judge):
     _, tab = quick
-    begun, go, judge = [], threading.Event(), tasks.Judge.run
-
-    def slowly(task, tell):
-        go.wait(60)
-        return judge(task, tell)
-
-    def find(task, tell):
-        begun.append(task)
-        return found(task, FIRST)
-
-    monkeypatch.setattr(tasks.Judge, "run", slowly)
-    monkeypatch.setattr(tasks.Find, "run", find)
+    may_judge.clear()
     tab.do("edit", code=FIRST)
     tab.until(lambda state: state["task"] == "judge")
     tab.do("polish", settings={})
     tab.until(lambda state: state["task"] == "polish")
-    assert not begun
-    go.set()
+    assert not searches
+    may_judge.set()
     state = tab.until(judged)
-    assert len(begun) == 1 and begun[0].beat is begun[0].begin and linear(state["code"]) == FIRST["linear"]
+    assert len(searches) == 1 and searches[0].beat is searches[0].begin and linear(state["code"]) == FIRST["linear"]
     change = state["verdict"]["change"]  # more maps, say: a search from the beginning, which can be taken back
     assert change and not state["verdict"]["remedy"]
     tab.do("mend")
-    tab.until(lambda state: judged(state) and len(begun) == 2)
-    asked = {**begun[1].options, "resolution": len(begun[1].picture.image), "invert": begun[1].picture.inverted}
-    assert change.items() <= asked.items() and begun[1].begin == "anew"
+    tab.until(lambda state: judged(state) and len(searches) == 2)
+    mended = searches[1]
+    asked = {**mended.options, "resolution": len(mended.picture.image), "invert": mended.picture.inverted}
+    assert change.items() <= asked.items() and mended.begin == "anew"
 
 
 # What a search shows never gets worse.

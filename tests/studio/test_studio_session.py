@@ -15,7 +15,7 @@ import torch
 from PIL import Image
 from studio_helpers import SIDE, TOKEN, InThread, free, judged, plain, rows, served
 
-from fractal_exp import IFS, api, codes
+from fractal_exp import IFS, codes
 from fractal_exp.ifs import attractor
 from fractal_exp.studio.worker import _compile
 
@@ -200,10 +200,9 @@ def test_a_worker_that_dies_is_replaced_and_that_is_said(studio, tab, triangle):
     tab.until(lambda state: judged(state))  # by the next worker
 
 
-def test_a_code_that_nobody_saved_is_kept_at_the_end(tmp_path, triangle, monkeypatch):
+def test_a_code_that_nobody_saved_is_kept_at_the_end(tmp_path, triangle):
     pytest.importorskip("websockets", reason="the studio needs `pip install 'fractal-exp[studio]'`")
-    monkeypatch.setattr("fractal_exp.studio.session.Worker", InThread)
-    with served(tmp_path) as studio, studio.tab() as tab:
+    with served(tmp_path, worker=InThread) as studio, studio.tab() as tab:
         studio.send(triangle)
         tab.until(lambda state: free(state) and state["picture"])
         code = attractor.normalize(codes.known("fern"))
@@ -213,21 +212,19 @@ def test_a_code_that_nobody_saved_is_kept_at_the_end(tmp_path, triangle, monkeyp
     assert str(kept) in studio.left[0] and IFS.load(kept).to_json()["linear"] == code.to_json()["linear"]
 
 
-def test_warming_up_gives_way_to_a_task(monkeypatch):
-    ours, theirs = multiprocessing.Pipe()
-    steps, invert = [], api.invert
+class Asked:
+    """A pipe in which a task lies as soon as it has been asked for one so many times."""
 
-    def watched(*image, on_step, **options):
-        def step(progress):
-            steps.append(progress)
-            if len(steps) == 2:
-                ours.send_bytes(b"a task")
-            on_step(progress)
-        return invert(*image, on_step=step, **options)
+    def __init__(self, times):
+        self.times, self.asked = times, 0
 
-    monkeypatch.setattr(api, "invert", watched)
-    monkeypatch.setattr("fractal_exp.studio.worker.WARM_SECONDS", 60)
-    _compile(theirs)
-    assert len(steps) == 2, "it was in the middle"
-    _compile(theirs)
-    assert len(steps) == 2, "the task is still waiting"
+    def poll(self):
+        self.asked += 1
+        return self.asked >= self.times
+
+
+@pytest.mark.parametrize("times", [1, 3])
+def test_warming_up_gives_way_to_a_task_that_waits_or_comes_in_its_midst(times):
+    pipe = Asked(times)
+    _compile(pipe)
+    assert pipe.asked == times, "it would have gone on asking"

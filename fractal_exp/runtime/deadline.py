@@ -37,11 +37,11 @@ class Deadline:
         self.seconds, self._clock, self._start, self._of = seconds, clock, clock(), of
 
     @classmethod
-    def usual(cls) -> Deadline:
+    def usual(cls, worked: Callable[[], float] = core_seconds, clock: Callable[[], float] = time.monotonic) -> Deadline:
         """The limit where nobody gave one: `USUAL` seconds of a core, whatever else the machine does, but no less than
-        half as many by the clock, however many cores work."""
-        cores, clock = core_seconds(), time.monotonic()
-        return cls(USUAL, lambda: min(core_seconds() - cores, 2 * (time.monotonic() - clock)), " of a core")
+        half as many by the clock, however many cores work. worked: tells the seconds of all cores."""
+        cores, start = worked(), clock()
+        return cls(USUAL, lambda: min(worked() - cores, 2 * (clock() - start)), " of a core")
 
     @property
     def words(self) -> str:

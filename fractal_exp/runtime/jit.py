@@ -21,7 +21,7 @@ FAST = {"reassoc", "contract", "arcp", "nsz"}
 FUSED = FAST - {"reassoc"}
 
 log = logging.getLogger(__name__)
-_ONE_AT_A_TIME = threading.Lock()
+_ONE_AT_A_TIME, _OPEN = threading.Lock(), contextlib.nullcontext()
 
 
 class ForgivingCache:
@@ -76,7 +76,7 @@ def kernel(**options: Any) -> Callable[[Callable], Callable]:
     numba looks for a folder that can be written beside the source and then in the user's cache. Calls of parallel
     kernels are let in one at a time: numba's plainest threading layer aborts the process when two threads enter it.
     """
-    gate = _ONE_AT_A_TIME if options.get("parallel") else contextlib.nullcontext()
+    gate = _ONE_AT_A_TIME if options.get("parallel") else _OPEN
 
     def compile_lazily(function: Callable) -> Callable:
         try:
@@ -84,21 +84,26 @@ def kernel(**options: Any) -> Callable[[Callable], Callable]:
         except RuntimeError:  # no folder can be written: compile in every process
             compiled = njit(function, nogil=True, **options)
 
-        @functools.wraps(function)
-        def call(*arguments: Any) -> Any:
-            try:
-                with gate:
-                    known, start = len(compiled.overloads), time.process_time()
-                    answer = compiled(*arguments)
-                    if len(compiled.overloads) > known:
-                        leave_out(time.process_time() - start)
-                    return answer
-            except SystemError as error:
-                cause: BaseException | None = error
-                while isinstance(cause, SystemError):
-                    cause = cause.__cause__
-                if isinstance(cause, KeyboardInterrupt):  # Ctrl-C in numba's own few lines around a kernel
-                    raise cause from None
-                raise
-        return call
+        return functools.wraps(function)(called(compiled, gate))
     return compile_lazily
+
+
+def called(compiled: Any, gate: contextlib.AbstractContextManager = _OPEN) -> Callable:
+    """A compiled function as it is called: behind a gate, without what it compiles counting as work, and Ctrl-C in
+    numba's own few lines around it comes out as KeyboardInterrupt."""
+    def call(*arguments: Any) -> Any:
+        try:
+            with gate:
+                known, start = len(compiled.overloads), time.process_time()
+                answer = compiled(*arguments)
+                if len(compiled.overloads) > known:
+                    leave_out(time.process_time() - start)
+                return answer
+        except SystemError as error:
+            cause: BaseException | None = error
+            while isinstance(cause, SystemError):
+                cause = cause.__cause__
+            if isinstance(cause, KeyboardInterrupt):
+                raise cause from None
+            raise
+    return call

@@ -39,15 +39,13 @@ def test_what_a_first_run_compiles_does_not_count_towards_the_usual_limit():
     assert deadline.core_seconds() >= counted
 
 
-def test_the_usual_limit_lasts_half_a_minute_however_many_cores_work(monkeypatch):
-    worked, passed = [0.0], [0.0]
-    monkeypatch.setattr(deadline, "core_seconds", lambda: worked[0])
-    monkeypatch.setattr(deadline.time, "monotonic", lambda: passed[0])
-    usual = Deadline.usual()
-    worked[0], passed[0] = 160.0, 10.0   # sixteen cores
+def test_the_usual_limit_lasts_half_a_minute_however_many_cores_work():
+    worked = passed = 0.0
+    usual = Deadline.usual(lambda: worked, lambda: passed)
+    worked, passed = 160.0, 10.0   # sixteen cores
     assert not usual.passed and usual.used == pytest.approx(1 / 3)
-    passed[0] = 30.0
+    passed = 30.0
     assert usual.passed
-    other = Deadline.usual()
-    worked[0], passed[0] = worked[0] + 59, passed[0] + 500   # a core that has other work too
+    other = Deadline.usual(lambda: worked, lambda: passed)
+    worked, passed = worked + 59, passed + 500   # a core that has other work too
     assert not other.passed and other.words == "60 s of a core"

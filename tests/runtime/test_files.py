@@ -12,7 +12,6 @@ import torch
 from fractal_exp import IFS, InputError
 from fractal_exp.cli.folders import FitFolder
 from fractal_exp.images.pixels import write_image
-from fractal_exp.runtime import files
 from fractal_exp.runtime.checkpoint import Checkpoint, Snapshot
 from fractal_exp.runtime.files import alone_in, read_json, replacing, write_atomically
 
@@ -52,16 +51,25 @@ def test_many_threads_and_processes_save_to_one_path(tmp_path):
     assert sorted(os.listdir(tmp_path)) == ["checkpoint", "code.json", "image.png", "text"], "nothing is left over"
 
 
-def test_what_a_killed_process_left_goes_with_a_later_write_but_not_what_is_being_written(tmp_path, monkeypatch):
-    with replacing(tmp_path / "file") as mine:
-        left = tmp_path / ".file.0123456789ab.partial"
-        others = tmp_path / ".file.ba9876543210.partial"
-        for path in (left, others):
-            path.write_bytes(b"half")
-        os.utime(left, (time.time() - 7200,) * 2)
-        monkeypatch.setattr(files, "_looked_through", set())  # another process
-        write_atomically(tmp_path / "file", b"whole")
-        assert not left.exists() and others.exists() and mine.exists()
+def write(path, writing, leave):
+    with replacing(path):
+        writing.set()
+        leave.wait(60)
+
+
+def test_what_a_killed_process_left_goes_with_a_later_write_but_not_what_is_being_written(tmp_path):
+    writing, leave = FORK.Event(), FORK.Event()
+    other = FORK.Process(target=write, args=(tmp_path / "file", writing, leave))
+    other.start()
+    assert writing.wait(60)
+    [written] = tmp_path.glob(".file.*.partial")
+    left = tmp_path / ".file.0123456789ab.partial"
+    left.write_bytes(b"half")
+    os.utime(left, (time.time() - 7200,) * 2)
+    write_atomically(tmp_path / "file", b"whole")
+    assert not left.exists() and written.exists()
+    leave.set()
+    other.join()
 
 
 def test_a_fit_that_begins_removes_what_a_killed_one_left_and_nothing_else(tmp_path):

@@ -22,6 +22,7 @@ from PIL import Image, ImageDraw
 from fractal_exp import IFS, View, codes, suite
 from fractal_exp.ifs import attractor
 from fractal_exp.images import read_target, samples
+from fractal_exp.methods.super_resolution.enlarged import Enlarged
 from fractal_exp.methods.super_resolution.method import SuperResolution
 from fractal_exp.rendering.still import render_with_info
 from fractal_exp.rendering.zoom import rich_point
@@ -65,7 +66,8 @@ def closer() -> None:
         pairs = []
         for sample, truth in truths.items():
             fit = kept[method, sample]
-            shown = (_enlarged(truth, views[sample]) if fit["code"] is None else
+            shown = (enlarged(SuperResolution().reconstruct(suite.target(truth, 256)), views[sample])
+                     if fit["code"] is None else
                      _pair(attractor.normalize(code_of(fit)), views[sample]))
             pairs.append(Pair(shown, ""))
         rows.append((title, pairs))
@@ -159,9 +161,8 @@ def _marked(picture: Image.Image) -> Image.Image:
     return marked
 
 
-def _enlarged(truth: IFS, view: View) -> tuple[Image.Image, ...]:
-    """The target as super-resolution enlarges it, whole and in a view. Closer than it can show, pixels stay pixels."""
-    found = SuperResolution().reconstruct(suite.target(truth, 256))
+def enlarged(found: Enlarged, view: View) -> tuple[Image.Image, ...]:
+    """A target as super-resolution enlarged it, whole and in a view. Closer than it can show, pixels stay pixels."""
     part = round(view.zoom / found.largest_zoom)
     near = found.render(View(view.center, found.largest_zoom), resolution=part * 2 * SIDE)
     first = (part - 1) * SIDE

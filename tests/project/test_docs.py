@@ -121,14 +121,16 @@ def test_every_table_of_results_is_made_from_files_that_are_there(page, asked):
     assert rows and {line.count(" | ") for line in (head, rule, *rows)} == {head.count(" | ")}
 
 
-def test_a_table_of_results_states_what_its_files_hold(tmp_path, monkeypatch):
-    monkeypatch.setattr(results, "RESULTS", tmp_path)
+def test_a_table_of_results_states_what_its_files_hold(tmp_path):
+    def table(maker, *names):
+        return results.table(maker, *(str(tmp_path / name) for name in names)).splitlines()
+
     for folder, f1, recovered, count in (("older", "f1_box", "exact", 5), ("parts", "f1", "recovered", 3)):
         fits = [{"set": folder, "without": part, "target": k, f1: 0.9 - 0.1 * (part != "nothing"),
                  recovered: part == "nothing" or k < 2} for part in ("nothing", "roots") for k in range(count)]
         (tmp_path / folder).mkdir()
         (tmp_path / folder / "codes.jsonl").write_text("\n".join(map(json.dumps, fits)))
-    assert hooks.on_page_markdown("[table: ablation older parts]").splitlines()[2:] == [
+    assert hooks.on_page_markdown(f"[table: ablation {tmp_path}/older {tmp_path}/parts]").splitlines()[2:] == [
         "| nothing | .900<br>5 of 5 | .900<br>3 of 3 |",
         "| `roots` | **−.100** [−.100, −.100]<br>−3 | −.100<br>−1 |"], "three differences have no interval"
     rows = {"full": (.6, .7), "no_mip": (.4, .5)}
@@ -136,22 +138,22 @@ def test_a_table_of_results_states_what_its_files_hold(tmp_path, monkeypatch):
     (tmp_path / "paper" / "fits.jsonl").write_text("\n".join(json.dumps(
         {"row": row, "sample": f"fractal {k}", "seconds": 30, "scores": {"f1": f1, "iou": .5, "psnr": 9, "ssim": .4}})
         for row, scores in rows.items() for k, f1 in enumerate(scores)))
-    assert results.table("paper_ablations", "paper").splitlines()[2:] == [
+    assert table("paper_ablations", "paper")[2:] == [
         "| `full` | .650 | .500 | 9.0 | .400 |  | .611 |  | 30 |",
         "| `no_mip` | .450 | .500 | 9.0 | .400 | **−.200** [−.200, −.200] | .363 | −.248 | 30 |"]
     course = [[1, .3, 5], [2, .4, 10], [3, .6, 15], [4, .7, 20], [5, .8, 20]]
     fit = {"row": "3 maps", "sample": "seed 0", "seconds": 40, "scores": {"f1": .6, "iou": .5, "psnr": 9, "ssim": .4},
            "course": course, "code": {"linear": [[[.5, 0], [0, .5]], [[.05, 0], [0, .1]]]}}
     (tmp_path / "paper" / "fits.jsonl").write_text(json.dumps(fit) + "\n" + json.dumps(fit | {"sample": "seed 1"}))
-    assert results.table("function_count", "paper").splitlines()[2:] == ["| 3 maps | .600 | .600, .600 | 1, 1 | 40 |"]
-    assert results.table("real", "paper").splitlines()[2] == (
+    assert table("function_count", "paper")[2:] == ["| 3 maps | .600 | .600, .600 | 1, 1 | 40 |"]
+    assert table("real", "paper")[2] == (
         "| seed 0 | `3 maps` | 2 | .600 | .500 | 9.0 | .400 | 40 |")
-    assert results.table("convergence", "paper").splitlines()[0::2] == [
+    assert table("convergence", "paper")[0::2] == [
         "| row | 5 iterations | 10 iterations | 15 iterations | 20 iterations | all views | seconds |",
         "| `3 maps` | .300 | .400 | .600 | .800 | .600 | 40 |"]
     (tmp_path / "times.jsonl").write_text(json.dumps({"figures": {"steps": [
         {"step": "a step", "seconds": 0.0123, "twin_seconds": 2.5, "twin_ratio": 203.2}]}}))
-    assert results.table("speed", "times.jsonl").splitlines()[-1] == "| a step | 12.3 ms | 2.5 s | 203 |"
+    assert table("speed", "times.jsonl")[-1] == "| a step | 12.3 ms | 2.5 s | 203 |"
 
 
 def test_a_table_of_results_without_a_maker_or_a_file_is_refused():

@@ -22,10 +22,9 @@ def test_only_a_view_without_all_its_points_is_marked():
     assert set(np.unique(empty)) == {0, paper_figures.MARK}
 
 
-def test_an_enlarged_picture_is_shown_around_the_middle_of_the_view(monkeypatch):
+def test_an_enlarged_picture_is_shown_around_the_middle_of_the_view():
     ramp = torch.linspace(0, 1, 2048).expand(2048, 2048)
-    monkeypatch.setattr(paper_figures.SuperResolution, "reconstruct", lambda *_: Enlarged(ramp, 8.0))
-    whole, near = paper_figures._enlarged(CARPET, View((.5, -.25), 64))
+    whole, near = paper_figures.enlarged(Enlarged(ramp, 8.0), View((.5, -.25), 64))
     assert whole.size == near.size == (2 * paper_figures.SIDE,) * 2
     left, right = (np.asarray(near)[:, column].mean() for column in (0, -1))
     assert [(grey / 255)**2 for grey in (left, right)] == pytest.approx([.75 - 1 / 128, .75 + 1 / 128], abs=.004)

@@ -218,13 +218,13 @@ ABOUT = {"title": "A study", "baseline": None, "published": None}
     ("sweep.json", "{"), ("sweep.json", "[]"), ("sweep.json", "{}"), ("sweep.json", json.dumps({**ABOUT, "title": 1})),
     ("sweep.json", json.dumps({**ABOUT, "published": "no such table"})),
     ("jobs.json", "["), ("jobs.json", "{}"), ("jobs.json", "[1]")])
-def test_a_damaged_sweep_is_said_in_one_line(name, content, monkeypatch):
-    files = {"sweep.json": json.dumps(ABOUT), "jobs.json": "[]"} | {name: content}
-    frame = pd.DataFrame([{"run_id": "r1", "name": "s", "tags.scale": "smoke", "tags.perceptual": "none"}])
-    monkeypatch.setattr(tracking, "runs_frame", lambda *_: frame)
-    monkeypatch.setattr(tracking, "read_artifact", lambda uri, run_id, name: files[name].encode())
-    with pytest.raises(InputError, match=f"the artifact {name} of the run r1 .*; the same fractal-sweep") as error:
-        report.read_sweep("sqlite:////none", "study")
+def test_a_damaged_sweep_is_said_in_one_line(name, content, tmp_path):
+    uri = tracking.prepare_store(tmp_path)
+    keep_sweep(uri, tmp_path, "s", [], lambda *_: None)
+    [kept] = tmp_path.glob(f"mlartifacts/**/{name}")
+    kept.write_text(content)
+    with pytest.raises(InputError, match=rf"the artifact {name} of the run \w+ .*; the same fractal-sweep") as error:
+        report.read_sweep(uri, "study")
     assert "\n" not in str(error.value)
 
 
@@ -237,7 +237,7 @@ def test_the_mean_course_begins_where_all_have_a_code_and_keeps_the_last_one():
     assert {round(float(value), 3) for value in f1} == {.3, .5, .7}
 
 
-def test_quality_over_time_is_read_from_the_jobs_and_drawn(tmp_path, monkeypatch):
+def test_quality_over_time_is_read_from_the_jobs_and_drawn(tmp_path):
     from PIL import Image
 
     uri = tracking.prepare_store(tmp_path)
@@ -245,13 +245,14 @@ def test_quality_over_time_is_read_from_the_jobs_and_drawn(tmp_path, monkeypatch
     sweep = report.read_sweep(uri, "study")
     assert not len(course.read_courses(uri, sweep)), "this one keeps none"
     points = [{"seconds": 1.0, "step": 4, "f1": .5}, {"seconds": 3.0, "step": 8, "f1": .6}]
-    monkeypatch.setattr(tracking, "read_artifact", lambda *_: json.dumps(points).encode())
+    [job] = sweep.jobs.loc[sweep.jobs["status"] == "FINISHED", "run_id"]
+    MlflowClient(uri).log_text(job, json.dumps(points), "course.json")
     courses = course.read_courses(uri, sweep)
     assert courses.to_dict("list") == {"row": ["full"] * 2, "sample": ["fractal 0"] * 2, "seconds": [1, 3],
                                        "f1": [.5, .6], "step": [4, 8]}
     (tmp_path / "course.png").write_bytes(course.drawn(sweep, courses))
     assert Image.open(tmp_path / "course.png").size == (960, 600)
-    points = {"seconds": 1.0}
+    MlflowClient(uri).log_text(job, json.dumps({"seconds": 1.0}), "course.json")
     with pytest.raises(InputError, match=r"course.json of the run \w+ is damaged"):
         course.read_courses(uri, sweep)
 

@@ -1,7 +1,6 @@
 """The widget of a code in Python: what its trait takes, what it sends, and what a page may not do to a kernel."""
 
 import json
-import logging
 import os
 import queue
 import sys
@@ -69,20 +68,37 @@ def without(data: dict[str, Any], key: str) -> dict[str, Any]:
     return {name: value for name, value in data.items() if name != key}
 
 
+class Line:
+    """To a page, as a kernel has it."""
+
+    comm_id = "line"
+
+    def __init__(self):
+        self.sent = []
+
+    def send(self, data, buffers):
+        self.sent.append(data)
+
+    def on_msg(self, callback):
+        pass
+
+
 @pytest.mark.parametrize("data", [
     None, 3, "code", [], {}, WILD.to_json(), without(FERN.to_json(), "offset"), FERN.to_json() | {"version": 2},
     FERN.to_json() | {"linear": "x"}, FERN.to_json() | {"probabilities": [1, 1, 1, 1]}, FERN.to_json() | {"meta": 3},
     FERN.to_json() | {"more": 1}, [[0, 0, 0, 0, 0, 0]] * 1001, [[0, 0, 0, 0, 0, float("nan")]],
 ])
-def test_a_wrong_code_of_the_page_is_refused_and_the_right_one_sent_again(data, monkeypatch, caplog):
-    widget, sent, heard = CodeWidget(FERN), [], []
+def test_a_wrong_code_of_the_page_is_refused_and_the_right_one_sent_again(data, caplog):
+    widget, line, heard = CodeWidget(FERN), Line(), []
+    widget.comm = line
     widget.observe(heard.append, "code")
-    monkeypatch.setattr(widget, "_send", lambda message, buffers=None: sent.append(message))
-    monkeypatch.setattr(widget.log, "propagate", True)
-    with caplog.at_level(logging.WARNING, logger=widget.log.name):
+    widget.log.addHandler(caplog.handler)
+    try:
         widget.set_state({"code": data})
+    finally:
+        widget.log.removeHandler(caplog.handler)
     assert widget.code is FERN and heard == [] and "The page's code is refused: " in caplog.text
-    assert sent[-1]["method"] == "update" and sent[-1]["state"] == {"code": FERN.to_json()}
+    assert line.sent[-1]["method"] == "update" and line.sent[-1]["state"] == {"code": FERN.to_json()}
 
 
 def test_without_the_extra_the_remedy_is_named(monkeypatch):

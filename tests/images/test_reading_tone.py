@@ -6,7 +6,6 @@ import torch
 from drawings import fern_plot, leaf
 from PIL import Image, ImageDraw
 
-from fractal_exp.images import bands
 from fractal_exp.images.reading import read_target
 
 
@@ -79,17 +78,21 @@ def test_a_density_keeps_its_levels(level):
 
 
 @pytest.mark.parametrize("suffix", ["jpg", "png"])
-def test_a_large_picture_is_shrunk_as_it_is_read(tmp_path, monkeypatch, suffix):
-    monkeypatch.setattr(bands, "LARGE_SIDE", 512)
-    monkeypatch.setattr(bands, "LARGE_SHORTER_SIDE", 512)
-    small = leaf("black", fine=1).convert("L")
-    large = small.resize((1200, 1200), Image.Resampling.NEAREST)
+def test_a_large_picture_is_shrunk_as_it_is_read(tmp_path, suffix):
+    small = Image.new("L", (1200, 300))
+    small.paste(leaf("black", fine=1).convert("L"))
+    large = small.resize((8400, 2100), Image.Resampling.NEAREST)
     large.save(tmp_path / f"large.{suffix}", **({"quality": 95} if suffix == "jpg" else {}))
     found, expected = read_target(tmp_path / f"large.{suffix}", 96), read_target(np.asarray(small), 96)
-    assert found.source_size == (1200, 1200)
-    assert "shrunk 2 times as it was read, from 1200×1200 px" in found.notes
-    np.testing.assert_allclose(np.array(found.crop_box) / 4, expected.crop_box, atol=0.5)
-    assert found.scale == pytest.approx(expected.scale / 4, rel=0.01)
-    np.testing.assert_allclose(found.placement.to_canvas([(600, 600)]), expected.placement.to_canvas([(150, 150)]),
+    assert found.source_size == (8400, 2100)
+    assert "shrunk 2 times as it was read, from 8400×2100 px" in found.notes
+    np.testing.assert_allclose(np.array(found.crop_box) / 7, expected.crop_box, atol=0.5)
+    assert found.scale == pytest.approx(expected.scale / 7, rel=0.01)
+    np.testing.assert_allclose(found.placement.to_canvas([(1050, 1050)]), expected.placement.to_canvas([(150, 150)]),
                                atol=0.01)
-    assert not any("shrunk" in note for note in read_target(tmp_path / f"large.{suffix}", 96, frame="keep").notes)
+
+
+def test_a_large_picture_that_keeps_its_frame_is_read_whole(tmp_path):
+    large = leaf("black", fine=1).convert("L").resize((8192, 8192), Image.Resampling.NEAREST)
+    large.save(tmp_path / "large.png", compress_level=1)
+    assert not any("shrunk" in note for note in read_target(tmp_path / "large.png", 96, frame="keep").notes)

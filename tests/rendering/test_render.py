@@ -13,8 +13,6 @@ import torch
 from fractal_exp import IFS, InputError, View, codes
 from fractal_exp.ifs import attractor
 from fractal_exp.ifs.colours import Colours
-from fractal_exp.rendering import still as rendering
-from fractal_exp.rendering import weighing
 from fractal_exp.rendering.still import points_per_view, render, render_tiles, render_with_info
 from fractal_exp.rendering.tone import tone_map
 from fractal_exp.runtime import threads
@@ -153,20 +151,21 @@ def test_a_size_is_one_or_two_numbers_of_pixels(size):
         render(square(), resolution=size)
 
 
-@pytest.mark.parametrize(("size", "largest", "count", "shape"), [
-    (100, 30, 16, (25, 25)), ((100, 150), 40, 12, (34, 38))], ids=["square", "wide"])
-@pytest.mark.parametrize("mode", ["occupancy", "density"])
-def test_tiles_are_equal_pieces_of_the_same_picture(monkeypatch, mode, size, largest, count, shape):
+@pytest.mark.parametrize(("mode", "size", "in_one", "count", "shape"), [
+    ("occupancy", 130, 63, 4, (65, 65)), ("occupancy", (70, 130), 63, 2, (70, 65)),
+    ("density", 260, 1, 9, (87, 87)), ("density", (140, 270), 1, 6, (70, 90))])
+def test_tiles_are_equal_pieces_of_the_same_picture(mode, size, in_one, count, shape):
+    """Of one that has fewer subpixels and so is drawn in one piece. Most subpixels hold one point, or none."""
     code, view = attractor.normalize(codes.known("fern")), View((0.1, 0.0), 1.5)
-    arguments = {"resolution": size, "points_in_view": 400_000, "supersample": 4, "mode": mode}
-    whole = render(code, view, **arguments, seed=1)
-    monkeypatch.setattr(rendering, "TILE", 4 * largest)
-    tiles = list(render_tiles(code, view, **arguments))
+    arguments = {"resolution": size, "points_in_view": 400_000, "mode": mode}
+    whole = render(code, view, **arguments, supersample=in_one, seed=1)
+    tiles = list(render_tiles(code, view, **arguments, supersample=64))
     assert len(tiles) == count and all(tile.pixels.shape == shape for tile in tiles)
     assert sum(tile.drawn for tile in tiles) == pytest.approx(400_000, rel=0.02)
-    tiled = render(code, view, **arguments, seed=2)
+    tiled = render(code, view, **arguments, supersample=64, seed=2)
     assert f1(whole, tiled) > 0.97
-    assert float(tiled.mean()) == pytest.approx(float(whole.mean()), rel=0.01)
+    parts = (in_one / 64)**2 if mode == "occupancy" else 1
+    assert float(tiled.mean()) == pytest.approx(parts * float(whole.mean()), rel=0.01)
 
 
 def test_a_view_beside_the_attractor_is_black_at_once_and_says_so(caplog):
@@ -181,15 +180,12 @@ def test_a_view_beside_the_attractor_is_black_at_once_and_says_so(caplog):
     assert time.perf_counter() - started < 2
 
 
-def test_maps_that_overlap_heavily_end_with_fewer_points_and_say_so(monkeypatch, caplog):
-    monkeypatch.setattr(weighing, "WORK", 10_000_000)
-    monkeypatch.setattr(weighing, "WORK_PER_POINT", 0)
+def test_maps_that_overlap_heavily_end_with_fewer_points_and_say_so():
     turn = torch.tensor([[math.cos(1), -math.sin(1)], [math.sin(1), math.cos(1)]])
     linear = torch.stack([0.8 * turn, 0.8 * turn.T, 0.8 * torch.eye(2)])
     code = IFS(linear, torch.tensor([[0.2, 0], [-0.2, 0], [0, 0.1]]))
-    with caplog.at_level(logging.WARNING):
-        image = render(code, View((0.05, 0.05), 5e3), resolution=32, points_in_view=2_000_000)
-    assert "overlap" in caplog.text and float(image.sum()) > 0
+    image, info = render_with_info(code, View((0.05, 0.05), 5e3), resolution=32, points_in_view=2_000_000, effort=0.01)
+    assert "overlap" in info.reason and 0 < info.drawn < 1_000_000 and float(image.sum()) > 0
 
 
 def test_a_point_a_segment_and_a_collapsed_map_are_drawn():

@@ -1,6 +1,7 @@
 """The tone of a picture whose grey levels are a density: kept with its code, and found again in every view."""
 
 import logging
+from argparse import Namespace
 from dataclasses import replace
 
 import numpy as np
@@ -20,8 +21,7 @@ from fractal_exp.images.reading import ReadImage
 from fractal_exp.inversion import Work, conclude, write
 from fractal_exp.inversion.road import coloured
 from fractal_exp.methods.base import CodeReconstruction
-from fractal_exp.rendering import still
-from fractal_exp.rendering.colour import on_ground
+from fractal_exp.rendering.colour import on_ground, own_ground
 from fractal_exp.rendering.film import frames
 from fractal_exp.rendering.morph import morph
 from fractal_exp.rendering.still import render_tiles
@@ -177,16 +177,21 @@ def test_the_command_draws_the_tone_unless_told_otherwise(tmp_path, capsys):
     assert "no tone" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(("size", "shape"), [("96", 96), ("128x80", (80, 128))])
-def test_a_still_of_several_tiles_has_no_seams(tmp_path, monkeypatch, size, shape):
+def drawn_in_tiles(code, mode, size, path) -> np.ndarray:
+    """What the command draws with pixels of 64² parts, so that a tile has 128 pixels a side at most."""
+    options = Namespace(mode=mode, size=size, out=path, center=None, zoom=None, points=None, supersample=64, seed=0,
+                        bits=8, transparent=False, ground=own_ground(code))
+    return pixels(drawing.draw_still(code, options))
+
+
+@pytest.mark.parametrize(("size", "shape"), [("200", 200), ("300x140", (140, 300))])
+def test_a_still_of_several_tiles_has_no_seams(tmp_path, size, shape):
     density = render(FERN, resolution=90, mode="density")
     for height in (1, 40, 90):
         bands = torch.cat(list(drawing._softened(iter(density.split(height)), Toned(Tone(0.3)))))
         assert torch.equal(bands, softened(density))
-    monkeypatch.setattr(still, "TILE", 256)  # 32 pixels a side
-    TONED.save(tmp_path / "code.json")
-    render_app.main([str(tmp_path / "code.json"), str(tmp_path / "a.png"), "--size", size, "--frame", "own"])
-    assert np.abs(pixels(tmp_path / "a.png") - render(TONED, resolution=shape, mode="tone").numpy()).max() < 0.1
+    tiled = drawn_in_tiles(TONED, "tone", size, tmp_path / "a.png")
+    assert np.abs(tiled - render(TONED, resolution=shape, mode="tone").numpy()).max() < 0.1
 
 
 def test_a_code_in_colours_covers_as_much_as_the_shape_did_in_its_picture():
@@ -206,16 +211,13 @@ def test_without_a_cover_colours_are_as_opaque_as_the_points_lie():
                        render(replace(bare, meta={}), resolution=64, mode="colour"))
 
 
-@pytest.mark.parametrize(("size", "shape"), [("96", 96), ("96x130", (130, 96))])
-def test_stills_tiles_and_films_in_colour_have_the_cover(tmp_path, monkeypatch, size, shape):
+@pytest.mark.parametrize(("size", "shape"), [("140", 140), ("96x260", (260, 96))])
+def test_stills_tiles_and_films_in_colour_have_the_cover(tmp_path, size, shape):
     ground = (1.0, 248 / 255, 231 / 255)
     image = on_ground(render(PAINTED, resolution=shape, mode="colour"), ground).numpy()
     film = next(iter(frames(PAINTED, [View()], resolution=shape, mode="colour")))
     assert np.abs(film.numpy() - image).mean() < 0.01
-    monkeypatch.setattr(still, "COLOUR_TILE", 32)
-    PAINTED.save(tmp_path / "code.json")
-    render_app.main([str(tmp_path / "code.json"), str(tmp_path / "a.png"), "--size", size, "--frame", "own"])
-    assert np.abs(pixels(tmp_path / "a.png") - image).mean() < 0.02
+    assert np.abs(drawn_in_tiles(PAINTED, "colour", size, tmp_path / "a.png") - image).mean() < 0.02
     with pytest.raises(InputError, match='mode="tinted"'):
         render_tiles(PAINTED, resolution=96, mode="colour")
 

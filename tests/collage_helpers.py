@@ -64,6 +64,12 @@ def problem(image: Tensor, **options) -> SearchProblem:
     return SearchProblem(image, levels_of(image, meaning, given.camera), given)
 
 
+def unpolished(image: Tensor, **options) -> SearchProblem:
+    """A problem whose searches by renderings judge a code as it is: they neither refine, polish nor simplify it."""
+    return problem(image, **merged({"gauss_newton": {"enabled": False}, "refine": {"steps": 0},
+                                    "moves": {"pruning": False, "root": 0.0}}, options))
+
+
 def small(**options) -> Collage:
     """A brief search of two restarts and few moves on coarse grids."""
     few = {"search": {"restarts": 2, "moves": 3, "detail_moves": 2, "grid": 32, "detail_grid": 32},

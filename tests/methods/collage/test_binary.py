@@ -1,17 +1,17 @@
 """Collage search on binary images, which hide faint tips: the frame, near-isometries, and the price of a map."""
 
+import math
 from dataclasses import replace
 
 import pytest
 import torch
-from collage_helpers import BINARY, PARAMS, objective, problem, random, tied
+from collage_helpers import BINARY, PARAMS, objective, params, problem, random, tied, unpolished
 
 from fractal_exp import suite
 from fractal_exp.ifs import affine
 from fractal_exp.ifs.attractor import normalize
-from fractal_exp.methods.collage.image import gauss_newton
 from fractal_exp.methods.collage.image.gauss_newton import firmly_framed
-from fractal_exp.methods.collage.moves import search as search_module
+from fractal_exp.methods.collage.image.objective import ImageObjective
 from fractal_exp.methods.collage.moves.search import ImageSearch
 from fractal_exp.methods.collage.moves.tools import MISSING
 from fractal_exp.methods.collage.pipeline import Pipeline
@@ -64,13 +64,6 @@ def pulled():
     return suite.target(code, 128, "binary"), maps, maps + 0.004 * torch.randn(maps.shape, generator=random(1))
 
 
-@pytest.fixture
-def unpolished(monkeypatch):
-    """The moves of a round begin and end without a polish of their code."""
-    monkeypatch.setattr(ImageSearch, "resume", lambda search, now: search.judged(now))
-    monkeypatch.setattr(ImageSearch, "finish", lambda search, now: now)
-
-
 def misfit(given, found) -> float:
     return float(given.objective.firm_frame().misfit(found.maps, found.probabilities).abs().max())
 
@@ -104,20 +97,33 @@ def test_a_firm_polish_that_the_code_does_not_need_is_left_out(pulled):
     assert firmly_framed(given, exact) is exact
 
 
-def test_firm_polishes_end_once_the_code_is_nearly_right(pulled, monkeypatch):
+class Solved(ImageObjective):
+    """An objective of which polishes in a frame find this code at once; it counts them."""
+
+    def __init__(self, image, right):
+        super().__init__(image, BINARY, params(gauss_newton={"enabled": False}))
+        self.right, self.polishes = right, []
+
+    def within(self, frame):
+        self.polishes.append(frame)
+        return super().within(frame)
+
+    def judge(self, maps, weights=None):
+        return super().judge(maps if self.frame is None else self.right, weights)
+
+
+def test_firm_polishes_end_once_the_code_is_nearly_right(pulled):
     image, right, maps = pulled
-    given, told = objective(image, BINARY), []
-    monkeypatch.setattr(gauss_newton, "polished", lambda within, *_, **__: told.append(1) or within.judge(right))
+    given = Solved(image, right)
     found = firmly_framed(given, given.judge(maps))
-    assert len(told) == 1 and torch.equal(found.maps, right)
+    assert len(given.polishes) == 1 and torch.equal(found.maps, right)
 
 
-def test_a_firm_polish_keeps_the_code_of_least_framed_error(pulled, monkeypatch):
+def test_a_firm_polish_keeps_the_code_of_least_framed_error(pulled):
     image, _, maps = pulled
-    given = objective(image, BINARY)
+    given = objective(image, BINARY, gauss_newton={"enabled": False})
     wrong = given.judge(maps)
     judged = []
-    monkeypatch.setattr(gauss_newton, "polished", lambda within, shown, *_, **__: within.judge(shown.maps))
     given.framed_error = lambda shown: judged.append(shown) or (4.0, 1.0, 2.0, 5.0)[len(judged) - 1]
     assert firmly_framed(given, wrong) is judged[1]
     given.framed_error = lambda shown: 1.0 + (shown is not wrong)
@@ -155,61 +161,74 @@ def test_missing_maps_cost_as_much_in_the_framed_score_as_in_the_score(pulled):
     assert given.framed_score(few) > MISSING > given.framed_score(full)
 
 
-def test_a_fit_into_the_frame_does_not_make_a_code_hopeless(pulled, monkeypatch):
+def test_a_fit_into_the_frame_does_not_make_a_code_hopeless(pulled):
     image, right, maps = pulled
-    given = objective(image, BINARY)
+    given = Solved(image, right)
     wrong = given.judge(maps)
-    monkeypatch.setattr(gauss_newton, "polished", lambda within, *_, **__: within.judge(right))
     given.is_hopeless = lambda error: error != wrong.error
     assert firmly_framed(given, wrong) is wrong
+
+
+class Ending(ImageSearch):
+    """A search that tells the steps of its end, in which a firm polish finds the code `right`, if there is one, and
+    nothing else changes. ratios: the noise ratios that it sees; else they are those of its codes."""
+
+    def __init__(self, image, right=None, ratios=()):
+        super().__init__(objective(image, BINARY), BINARY.measure(image), noise=1.0)
+        self.right, self.ratios, self.told = right, iter(ratios), []
+
+    def noise_ratio(self, now):
+        return next(self.ratios, None) or super().noise_ratio(now)
+
+    def last_polished(self, now):
+        self.told.append("clean" if self.right is None else self.noise_ratio(now))
+        return now
+
+    def firmly_polished(self, shown):
+        self.told.append("firm")
+        return self.candidate(shown if self.right is None else self.objective.judge(self.right))
 
 
 @pytest.mark.parametrize(("ratios", "steps"), [
     ((10.0, 10.0), ["firm"]), ((1.5, 2.5), ["firm", "clean", "firm"]), ((2.5, 1.5), ["firm", "clean", "firm"]),
     ((1.1, 1.1), ["clean"])])
-def test_a_round_on_a_binary_image_ends_in_the_frame(pulled, monkeypatch, ratios, steps):
+def test_a_round_on_a_binary_image_ends_in_the_frame(pulled, ratios, steps):
     image, right, _ = pulled
-    given, told, ratio = search(image), [], iter(ratios)
-    monkeypatch.setattr(given, "noise_ratio", lambda now: next(ratio))
-    monkeypatch.setattr(given, "last_polished", lambda now: told.append("clean") or now)
-    monkeypatch.setattr(search_module, "firmly_framed", lambda objective, found, *_: told.append("firm") or found)
+    given = Ending(image, ratios=ratios)
     given.finish(given.candidate(given.objective.judge(right)))
-    assert told == steps
+    assert given.told == steps
 
 
-def test_a_fit_that_finds_the_true_code_is_not_the_end_of_its_round(pulled, monkeypatch):
+def test_a_fit_that_finds_the_true_code_is_not_the_end_of_its_round(pulled):
     image, right, wrong = pulled
-    given, told = search(image), []
-    monkeypatch.setattr(given, "last_polished", lambda now: told.append(given.noise_ratio(now)) or now)
-    monkeypatch.setattr(search_module, "firmly_framed", lambda objective, *_: objective.judge(right))
+    given = Ending(image, right)
     given.finish(given.candidate(given.objective.judge(wrong)))
-    assert len(told) == 1 and told[0] < 2
+    before, near, after = given.told
+    assert before == after == "firm" and near < 2
 
 
-@pytest.mark.usefixtures("unpolished")
-def test_another_round_of_a_binary_image_begins_from_nothing(pulled, monkeypatch):
+def test_another_round_of_a_binary_image_begins_from_nothing(pulled):
     """Even after a hopeless one. With greys, a round continues from the rounds before."""
     image, right, wrong = pulled
 
-    def after(levels):
-        given = problem(image, levels=levels, rounds=2, search={"restarts": 3, "mixture": True})
+    def after(levels, image, maps):
+        given = unpolished(image, levels=levels, rounds=2, search={"restarts": 3, "mixture": True})
         stage = ImageMoves(given, 0)
-        state = stage.open(State(best=tied(wrong), pool=wrong))
-        monkeypatch.setattr(stage.search, "noise_ratio", lambda now: 10.0)
-        monkeypatch.setattr(stage.search.objective, "is_hopeless", lambda error: levels == "binary")
+        state = stage.open(State(best=tied(maps), pool=maps))
+        assert stage.search.objective.is_hopeless(state.now.error) == (levels == "binary")
         state, again = stage.close(state), Restart(given, 1)
         again.open(replace(state, before=tied(right), current=tied(right)))
         return state, again, given
 
-    state, again, given = after("binary")
+    state, again, given = after("binary", image, wrong)
     assert state.best is None and state.before is not None and state.pool is None
     first = Restart(given, 0)
     first.open(State(current=tied(right)))
     assert given.restarts(1) == 3 and torch.equal(again.search.measure.bins, first.search.measure.bins)
-    found = replace(tied(wrong), score=5.0)
-    monkeypatch.setattr(again.search, "mixed", lambda pool: pytest.fail("its pool holds its own maps alone"))
+    found = tied(wrong)
+    assert found.score == math.inf, "any mixture would be better"
     assert again.close(replace(state, current=found)).best is found
-    state, again, given = after("density")
+    state, again, given = after("density", suite.target(affine.to_code(right), 128), 0.9 * right + 0.1 * wrong)
     assert state.pool is not None and given.restarts(1) == 2
     assert not torch.equal(again.search.measure.bins, first.search.measure.bins)
 
@@ -289,28 +308,26 @@ def test_the_code_of_a_round_is_judged_even_if_its_part_of_the_time_is_over(tria
     assert ImageMoves(given, 0).latest_start.passed and not Rounding(given, 2).latest_start.passed
 
 
-@pytest.mark.usefixtures("unpolished")
 @pytest.mark.parametrize(("levels", "growth", "share", "another"), [
     ("binary", True, 0.5, True), ("binary", True, 0.8, False), ("binary", False, 0.8, True),
     ("density", True, 0.5, False)])
 def test_a_round_follows_a_hopeless_code_of_a_binary_image_if_growth_has_time_left(pulled, levels, growth, share,
                                                                                    another):
     (image, _, wrong), seconds = pulled, [0.0]
-    given = replace(problem(image, levels=levels, rounds=2, growth={"enabled": growth}),
+    given = replace(unpolished(image, levels=levels, rounds=2, growth={"enabled": growth}),
                     deadline=Deadline(1000, lambda: seconds[0]))
     stage = ImageMoves(given, 0)
     state = stage.open(State(best=tied(wrong)))
-    stage.search.noise_ratio, stage.search.objective.is_hopeless = lambda now: 10.0, lambda error: True
+    assert stage.search.objective.is_hopeless(state.now.error)
     seconds[0] = share * 1000
     assert (stage.close(state).best is None) == another
 
 
-@pytest.mark.usefixtures("unpolished")
 def test_moves_that_the_time_limit_ends_say_so(triangle):
     seconds = [0.0]
     for number, late, stopped in ((1, 970, "the time limit of 1000 s was reached"),
                                   (0, 470, "the time of its round was up")):
-        given = replace(problem((triangle[1] > 0.25).float(), rounds=2), deadline=Deadline(1000, lambda: seconds[0]))
+        given = replace(unpolished((triangle[1] > 0.25).float(), rounds=2), deadline=Deadline(1000, lambda: seconds[0]))
         stage = ImageMoves(given, number)
         begun = stage.open(State(best=tied(affine.from_code(triangle[0]) * 0.9)))
         seconds[0] = late

@@ -118,12 +118,13 @@ class ImageSearch(Tools):
         before = self.noise_ratio(now)
         if self.objective.firm_frame() is None or before < FIRM_ABOVE:
             return self.last_polished(now)
-        now = self._firmly_framed(self.pruned(self.shown(now)))
+        now = self.firmly_polished(self.pruned(self.shown(now)))
         if min(before, self.noise_ratio(now)) > FIRM_ONLY:
             return now
-        return self._firmly_framed(self.shown(self.last_polished(now)))
+        return self.firmly_polished(self.shown(self.last_polished(now)))
 
-    def _firmly_framed(self, shown: Rendered) -> Candidate:
+    def firmly_polished(self, shown: Rendered) -> Candidate:
+        """The code polished firmly in the frame of a binary image."""
         return self.candidate(firmly_framed(self.objective, shown, self.deadline))
 
     def last_polished(self, now: Candidate) -> Candidate:

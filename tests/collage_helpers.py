@@ -31,6 +31,9 @@ BRIEF = {  # a search goes through all its steps, but does not polish what it ha
     "gauss_newton": {"rendered_steps": 1, "strides": [1.0, 2.0], "last_patience": 1},
     "rounding": {"polish": 1, "lines_tried": 1}, "growth": {"enabled": False}}
 
+UNPOLISHED = {  # searches by renderings judge a code as it is
+    "gauss_newton": {"enabled": False}, "refine": {"steps": 0}, "moves": {"pruning": False, "root": 0.0}}
+
 
 def merged(first: dict, second: dict) -> dict:
     """Nested parameters, those of the second over those of the first."""
@@ -65,9 +68,7 @@ def problem(image: Tensor, **options) -> SearchProblem:
 
 
 def unpolished(image: Tensor, **options) -> SearchProblem:
-    """A problem whose searches by renderings judge a code as it is: they neither refine, polish nor simplify it."""
-    return problem(image, **merged({"gauss_newton": {"enabled": False}, "refine": {"steps": 0},
-                                    "moves": {"pruning": False, "root": 0.0}}, options))
+    return problem(image, **merged(UNPOLISHED, options))
 
 
 def small(**options) -> Collage:

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 import torch
-from collage_helpers import dot_camera, pen_camera
+from collage_helpers import UNPOLISHED, dot_camera, pen_camera
 
 from fractal_exp import codes
 from fractal_exp.cameras.camera import Camera
@@ -18,7 +18,6 @@ from fractal_exp.images.levels import DRAWN, meaning_of
 from fractal_exp.likeness import likeness_of_attractor
 from fractal_exp.methods.collage.bins import correction
 from fractal_exp.methods.collage.method import Collage
-from fractal_exp.methods.collage.moves.search import ImageSearch
 from fractal_exp.methods.collage.params import CollageParams
 from fractal_exp.methods.collage.stages import plan_of
 from fractal_exp.methods.collage.stages.base import SHORTER, SearchProblem
@@ -39,9 +38,9 @@ GASKET = attractor.normalize(codes.known("sierpinski_triangle"))
 DRAWING = Inked(CAMERA, torch.zeros(SIDE, SIDE), pen_camera(0.0, 2 / SIDE, 0.0)).render(GASKET, SIDE, 1)
 
 
-def problem(image=CURVED, levels=DRAWN, **options):
+def problem(image=CURVED, levels=DRAWN, kind=SearchProblem, **options):
     params = PARAMS.updated(**options)
-    return SearchProblem(image, levels_of(image, levels, params.camera), params)
+    return kind(image, levels_of(image, levels, params.camera), params)
 
 
 def measured(given):
@@ -177,14 +176,18 @@ def test_a_tone_curve_makes_no_difference_to_the_correction_for_saturation():
 
 
 @pytest.mark.parametrize("kind", [Approach, DrawnMoves])
-def test_the_camera_is_estimated_for_the_measure_of_the_search(kind, monkeypatch):
+def test_the_camera_is_estimated_for_the_measure_of_the_search(kind):
     measures = []
-    monkeypatch.setattr(SearchProblem, "camera", lambda self, code, measure=None:
-                        measures.append(measure) or Camera("coverage"))
-    monkeypatch.setattr(ImageSearch, "resume", lambda search, now: now)  # without a polish
+
+    class Asked(SearchProblem):
+        def camera(self, code, measured_through=None):
+            measures.append(measured_through)
+            return Camera("coverage")
+
+    given = problem(kind=Asked, **UNPOLISHED)
     for measure in (None, CURVE):
         best = Candidate(affine.from_code(FERN), None, 0.1, 1.0)
-        kind(problem()).open(State(best=best, measured_through=measure))
+        kind(given).open(State(best=best, measured_through=measure))
     assert list(dict.fromkeys(measures)) == [None, CURVE]
 
 

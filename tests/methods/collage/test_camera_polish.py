@@ -1,5 +1,8 @@
 """A code and its camera polished together, and the ink of tiles."""
 
+from functools import partial
+from itertools import count
+
 import numpy as np
 import pytest
 import torch
@@ -14,15 +17,14 @@ from fractal_exp.cameras.pens import Dots, Inked, ToneMapped
 from fractal_exp.cameras.tiles import tiled
 from fractal_exp.ifs import affine, attractor
 from fractal_exp.images.levels import DRAWN
-from fractal_exp.methods.collage.image import camera
-from fractal_exp.methods.collage.image.camera import angle_of, polish_under, sharpened
+from fractal_exp.methods.collage.image.camera import LIKELIEST, angle_of, polish_under, sharpened
 from fractal_exp.methods.collage.image.gauss_newton import polished
 from fractal_exp.methods.collage.image.jacobian import FromPoints, FromRenderings
 from fractal_exp.methods.collage.image.objective import ImageObjective
 from fractal_exp.methods.collage.params import CollageParams
 from fractal_exp.methods.collage.stages.base import SearchProblem
 from fractal_exp.methods.collage.stages.construction import Construction
-from fractal_exp.runtime.deadline import NO_DEADLINE
+from fractal_exp.runtime.deadline import NO_DEADLINE, Deadline
 
 PARAMS, SIDE = CollageParams(), 128
 CAMERA, PIXEL = PARAMS.camera, 2 / SIDE
@@ -136,7 +138,7 @@ def test_the_likeliest_cameras_of_a_kind_come_best_first():
     image = koch_lines(3, 0.6)
     pen = ImageObjective(image, Inked(CAMERA, image, PEN), PARAMS)
     seen = polish_under(pen, pen.judge(affine.from_code(KOCH)), "coverage", NO_DEADLINE)
-    assert len(seen) == camera.LIKELIEST
+    assert len(seen) == LIKELIEST
     assert [angle_of(each) for each in seen] == sorted(map(angle_of, seen))
     assert len({each[0].levels.camera.tile for each in seen}) == len(seen), "one for each tile size"
 
@@ -165,13 +167,14 @@ def test_a_known_value_excludes_the_kinds_that_do_not_have_it(known, kinds):
         assert Construction.may_help(problem) == ("coverage" in kinds), "no construction is sought in dots"
 
 
-def test_the_polish_loses_nothing_if_time_runs_out_at_the_first_camera(monkeypatch):
+@pytest.mark.parametrize("readings", [2, 3, 4, 6])
+def test_the_polish_loses_nothing_if_time_runs_out_at_the_first_camera(readings):
+    """Each look at this clock takes a second."""
     image = drawn_by(Dots(CAMERA, None, dot_camera(0.16, 0.7 * PIXEL)), GASKET)
     dots = ImageObjective(image, Dots(CAMERA, image, dot_camera(0.16, 0.7 * PIXEL)), PARAMS)
     start = dots.judge(affine.from_code(GASKET))
-    rough = ImageObjective(image, Inked(CAMERA, image, pen_camera(0.0, 2 * PIXEL, 0.0)), PARAMS)
-    monkeypatch.setattr(camera, "polish_under", lambda *rest: [(rough, rough.judge(start.maps))])
-    assert angle_of(sharpened(dots, start)) <= angle_of((dots, start))
+    deadline = Deadline(readings, partial(next, count()))
+    assert angle_of(sharpened(dots, start, deadline)) <= angle_of((dots, start)) and deadline.passed
 
 
 def test_a_tile_that_is_white_all_over_is_drawn_whole():

@@ -42,10 +42,13 @@ def test_a_simpler_code_takes_the_place_of_a_code_of_many_maps():
 
 
 @pytest.mark.parametrize("likeness, error, is_simpler", [(0.99, 1.4, True), (0.98, 1.4, False), (0.99, 1.5, False)])
-def test_a_simpler_code_must_draw_the_shape_and_be_worth_its_error(monkeypatch, likeness, error, is_simpler):
+def test_a_simpler_code_must_draw_the_shape_and_be_worth_its_error(likeness, error, is_simpler):
     """Four maps more are worth 1.1 to the fourth power, 1.46."""
-    tried, pen = stage(cantor_set()), Camera("coverage", tile=0.0, pen=0.01, blur=0.0)
-    monkeypatch.setattr(Construction, "_likeness", lambda *_: likeness)
+    class Alike(Construction):
+        def likeness(self, *_):
+            return likeness
+
+    tried, pen = Alike(stage(cantor_set()).problem), Camera("coverage", tile=0.0, pen=0.01, blur=0.0)
     few, many = Candidate(THIRDS, None, error, error, pen), Candidate(MANY, None, 1.0, 1.0, pen)
     assert len(MANY) == 6 and tried._is_simpler(few, many) is is_simpler
     assert not tried._is_simpler(many, few)

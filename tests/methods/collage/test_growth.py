@@ -1,6 +1,7 @@
 """Pictures of no code: growth, the curve of likeness over maps, and the choice from it."""
 
 from dataclasses import replace
+from itertools import count
 
 import pytest
 import torch
@@ -22,7 +23,6 @@ from fractal_exp.methods.collage.pipeline import Pipeline
 from fractal_exp.methods.collage.stages import plan_of
 from fractal_exp.methods.collage.stages.base import SearchProblem
 from fractal_exp.methods.collage.stages.construction import Construction
-from fractal_exp.methods.collage.stages.growing import Grower
 from fractal_exp.methods.collage.stages.growth import UNLIKE, Growth, Promise, Sketch, is_worth_its_maps
 from fractal_exp.methods.collage.state import Candidate, Grown, Key, State, WeightedMaps
 from fractal_exp.runtime.checkpoint import Checkpoint
@@ -145,18 +145,18 @@ def test_where_maps_are_grown_first_no_construction_is_looked_for():
 
 
 @pytest.mark.parametrize(("asked", "first", "shares"), [
-    ({}, {64: 0.5}, {16: 0.5, 64: 0.5, 128: 1.0}), ({"at_most": 64}, {64: 1.0}, {16: 0.5, 64: 1.0}),
-    ({"maps": 10}, {10: 1.0}, {10: 1.0}), ({"likeness": 0.999}, {64: 1.0}, {16: 1.0, 64: 1.0, 128: 1.0, 256: 1.0})])
-def test_what_is_returned_takes_all_steps_and_smaller_numbers_half(asked, first, shares, monkeypatch):
-    some, taken = stage(clouds(), growth={"counts": (16, 64, 128, 256), "usual": 128}, **asked), {}
-    monkeypatch.setattr(Grower, "grown", lambda self, count, deadline, share: taken.update({count: share}) or Grown(
-        torch.zeros(count, 6), None, 0.5, None))
-    for each, wanted in ((Sketch, first), (Growth, shares)):
-        taken.clear()
-        state = State(best=tied(BLOB), current=tied(BLOB))
-        while each(some.problem)._missing(state):
-            state = each(some.problem).move(state)
-        assert taken == wanted
+    ({}, {64: 0.5}, {6: 0.5, 64: 0.5, 65: 1.0}), ({"at_most": 64}, {64: 1.0}, {6: 0.5, 64: 1.0}),
+    ({"maps": 5}, {5: 1.0}, {5: 1.0}), ({"likeness": 0.999}, {64: 1.0}, {6: 1.0, 64: 1.0, 65: 1.0, 66: 1.0})])
+def test_what_is_returned_takes_all_steps_and_smaller_numbers_half(asked, first, shares):
+    problem = stage(clouds(32), growth={"counts": (6, 64, 65, 66), "usual": 65, "steps": 2}, **asked).problem
+    for kind, wanted in ((Sketch, first), (Growth, shares)):
+        some, state = kind(problem), State(current=tied(BLOB))
+        for _ in wanted:
+            state = some.move(state)
+        assert {len(each.maps) for each in state.curve} == {*wanted} == {*some.counts}
+        for each in state.curve:
+            alike = [torch.equal(each.maps, some.grower.grown(len(each.maps), share=share).maps) for share in (0.5, 1)]
+            assert alike == [share == wanted[len(each.maps)] for share in (0.5, 1)]
 
 
 def test_what_a_sketch_has_grown_is_not_grown_again():
@@ -215,37 +215,39 @@ def test_an_interrupted_growth_tells_what_it_has_grown():
 
 
 @pytest.mark.parametrize("image, asked", [(clouds(), {}), (BRANCH, {"maps": 24})], ids=["sketch", "growth"])
-def test_a_growth_that_is_interrupted_in_its_first_descent_tells_how_far_it_is(image, asked, monkeypatch):
-    told, note, seen = [], Grower._note, []
+def test_a_growth_that_is_interrupted_in_its_first_descent_tells_how_far_it_is(image, asked):
+    """By somebody who looks at the clock once for each of its steps, and several times before."""
+    told, looks = [], count()
 
-    def interrupt(some, found):
-        note(some, found)
-        seen.append(found[0])
-        if len(seen) == 2:
+    def clock():
+        if next(looks) == 100:
             raise KeyboardInterrupt
+        return 0.0
 
-    monkeypatch.setattr(Grower, "_note", interrupt)
+    class Watched(Collage):
+        def deadline(self, target):
+            return Deadline(1000, clock)
+
+    search = Watched(likeness=None, growth=FEW, **asked)
     with pytest.raises(KeyboardInterrupt):
-        Collage(likeness=None, growth=FEW, **asked).reconstruct(image, on_step=told.append)
-    paved, moved = seen
-    assert torch.equal(told[-1].code.offset, moved.code.offset) and not torch.equal(moved.maps, paved.maps)
+        search.reconstruct(image, on_step=told.append)
+    paved = stage(image, growth=FEW, **asked).grower.plain(len(told[-1].code))
+    assert not torch.allclose(affine.from_code(told[-1].code), paved.maps, atol=1e-3)
     assert told[-1].camera.is_known and told[-1].code.contraction
 
 
-def test_growth_goes_on_where_it_was_interrupted(tmp_path, monkeypatch):
+def test_growth_goes_on_where_it_was_interrupted(tmp_path):
     path, options = tmp_path / "growth.safetensors", {"maps": 24, "growth": {**FEW, "steps": 5}}
-    whole = Collage(**options).reconstruct(BRANCH)
-    move = Growth.move
+    whole, told = Collage(**options).reconstruct(BRANCH), []
 
-    def interrupted(stage, state):
-        if state.step == 1:
+    def interrupt(progress):
+        told.append(progress)
+        if len(told) == 2:
             raise KeyboardInterrupt
-        return move(stage, state)
 
-    with monkeypatch.context() as patch:
-        patch.setattr(Growth, "move", interrupted)
-        with pytest.raises(KeyboardInterrupt):
-            Collage(**options).reconstruct(BRANCH, checkpoint=Checkpoint(path))
+    with pytest.raises(KeyboardInterrupt):
+        Collage(**options).reconstruct(BRANCH, checkpoint=Checkpoint(path), on_step=interrupt)
+    assert {each.stage for each in told} == {"growth"}
     resumed = Collage(**options).reconstruct(BRANCH, checkpoint=Checkpoint(path, resume=True))
     assert torch.equal(whole.code.linear, resumed.code.linear) and torch.equal(whole.code.offset, resumed.code.offset)
     assert [each.likeness for each in whole.curve] == [each.likeness for each in resumed.curve]

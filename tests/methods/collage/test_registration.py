@@ -7,7 +7,7 @@ from drawn_helpers import PIXEL, SIDE, drawing, objective, tree
 
 from fractal_exp.cameras.strokes import parts_of
 from fractal_exp.ifs import affine
-from fractal_exp.methods.collage.trees import registration
+from fractal_exp.methods.collage.limits import SMALLER
 from fractal_exp.methods.collage.trees.registration import Registration, _drawn, _Tree
 from fractal_exp.runtime.deadline import Deadline
 
@@ -22,8 +22,8 @@ def knocked(size, seed=0):
     return maps
 
 
-def registered(image, maps, **camera):
-    seen = objective(image, **camera)
+def registered(image, maps):
+    seen = objective(image)
     return Registration(seen).fits(seen.judge(maps))
 
 
@@ -47,16 +47,17 @@ def test_branches_beside_the_lines_are_moved_onto_them(seed):
     assert best.misfit < PIXEL**2
 
 
-def test_the_best_depth_comes_first(monkeypatch):
-    fitted, depths = Registration._fitted, {}
+def test_the_best_depth_comes_first():
+    depths = {}
 
-    def watched(self, first, depth):
-        found = fitted(self, first, depth)
-        depths[found.misfit] = depth
-        return found
+    class Watched(Registration):
+        def fitted(self, tree, depth):
+            found = super().fitted(tree, depth)
+            depths[found.misfit] = depth
+            return found
 
-    monkeypatch.setattr(Registration, "_fitted", watched)
-    fits = registered(drawing(DEPTH), knocked(0.02))
+    seen = objective(drawing(DEPTH))
+    fits = Watched(seen).fits(seen.judge(knocked(0.02)))
     assert [each.misfit for each in fits] == sorted(depths)
     assert depths[fits[0].misfit] == DEPTH and set(depths.values()) >= set(range(1, 8))
 
@@ -99,12 +100,10 @@ def test_nothing_is_registered_after_the_deadline():
     assert Registration(seen, Deadline(0.0)).fits(seen.judge(knocked(0.02))) == []
 
 
-def test_no_copy_has_a_larger_singular_value_than_told(monkeypatch):
-    """The true ones are 0.6."""
-    monkeypatch.setattr(registration, "SMALLER", 0.55)
-    seen = objective(drawing(DEPTH))
-    best = Registration(seen).fits(seen.judge(affine.from_code(tree(0.5))))[0]
-    assert affine.largest_singular(best.maps[:2]).tolist() == pytest.approx([0.55, 0.55], abs=1e-5)
+def test_no_step_makes_a_copy_that_does_not_contract():
+    first = _Tree(COPIES.double().numpy(), np.zeros((1, 2, 2)))
+    moved = first.moved(np.concatenate([first.copies.ravel(), np.zeros(4)]))   # twice as large: 1.2
+    assert affine.largest_singular(torch.from_numpy(moved.copies)).tolist() == pytest.approx([SMALLER] * 2, abs=1e-5)
 
 
 def test_the_derivatives_are_those_of_the_points():

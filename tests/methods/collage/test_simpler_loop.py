@@ -70,10 +70,12 @@ def test_errors_by_cameras_of_other_subpixels_are_compared_as_angles():
     assert simplified(start, [Proposer(then(start, other))], Price()) is other
 
 
-def test_a_code_must_stay_as_like_the_picture(monkeypatch):
-    likeness = {id(start := code(1.0, 3)): (0.99, 0.98), id(pale := code(1.0, 2)): (0.97, 0.98),
-                id(other := code(1.0, 2)): (0.985, 0.96), id(off := code(1.0, 2)): (0.99, 0.94)}
-    monkeypatch.setattr(OBJECTIVE, "likenesses", lambda shown: next(
-        likeness[id(fit)] for fit in (start, pale, other, off) if fit.shown is shown), raising=False)
+def test_a_code_must_stay_as_like_the_picture():
+    objective = SimpleNamespace(subpixels=16, likenesses=lambda shown: shown.likenesses)
+
+    def of(maps, *likenesses):
+        return Draft(objective, SimpleNamespace(error=1.0, maps=range(maps), likenesses=likenesses))
+
+    start, pale, other, off = of(3, 0.99, 0.98), of(2, 0.97, 0.98), of(2, 0.985, 0.96), of(2, 0.99, 0.94)
     for each, is_taken in (pale, False), (other, True), (off, False):
         assert (simplified(start, [Proposer(then(start, each), loss=0.01)], Price()) is each) == is_taken

@@ -28,7 +28,8 @@ from fractal_exp.methods.collage.stages import plan_of
 from fractal_exp.methods.collage.stages.base import SearchProblem
 from fractal_exp.methods.collage.stages.construction import Construction, is_construction
 from fractal_exp.methods.collage.stages.drawn import DrawnMoves
-from fractal_exp.methods.collage.state import Candidate, State
+from fractal_exp.methods.collage.state import Candidate, Key, State
+from fractal_exp.runtime.checkpoint import Checkpoint
 from fractal_exp.runtime.deadline import Deadline
 
 
@@ -217,19 +218,12 @@ def test_a_lattice_of_few_steps_is_two_maps_seen_as_tiles(depth):
 
 @pytest.mark.parametrize("camera, ended", [(pen_camera(0.0, 0.01, 0.0), False), (pen_camera(0.1, 0.0, 0.0), True),
                                            (stroke_camera(4.0, 0.0, 0.01, 0.0), True), (None, True)])
-def test_a_note_tells_that_the_attractor_goes_on(monkeypatch, camera, ended):
-    """Without a camera, it is estimated: tiles, as the drawing is of few steps."""
-    class Found:
-        state = State()
-
-        def __init__(self, *_, **__):
-            pass
-
-        def run(self):
-            return Candidate(affine.from_code(tree()), None, 1.0, 1.0, camera)
-
-    monkeypatch.setattr(method, "Pipeline", Found)
-    notes = method.Collage().reconstruct(drawing(4)).notes
+def test_a_note_tells_that_the_attractor_goes_on(tmp_path, camera, ended):
+    """Of a search that is resumed at its end. Without a camera, it is estimated: tiles, as the drawing is of few steps.
+    """
+    found = Candidate(affine.from_code(tree()), None, 1.0, 1.0, camera)
+    Checkpoint(tmp_path / "end").save(State(done=Key(9, "growth"), best=found).snapshot())
+    notes = method.Collage().reconstruct(drawing(4), checkpoint=Checkpoint(tmp_path / "end", resume=True)).notes
     assert notes == ((method.ENDED,) if ended else ())
 
 
@@ -254,10 +248,16 @@ def test_a_code_that_draws_the_picture_is_not_searched_again():
 
 @pytest.mark.parametrize("kind, likeness, wanted", [("coverage", 0.98, True), ("dots", 0.98, False),
                                                     ("dots", 0.94, True)])
-def test_scatter_plots_are_no_constructions(monkeypatch, kind, likeness, wanted):
-    stage = Construction(SearchProblem(drawing(4), levels_of(drawing(4), DRAWN, CAMERA), PARAMS))
-    monkeypatch.setattr(SearchProblem, "camera", lambda *_: Camera(kind))
-    monkeypatch.setattr(Construction, "_likeness", lambda *_: likeness)
+def test_scatter_plots_are_no_constructions(kind, likeness, wanted):
+    class Seen(SearchProblem):
+        def camera(self, *_):
+            return Camera(kind)
+
+    class Alike(Construction):
+        def likeness(self, *_):
+            return likeness
+
+    stage = Alike(Seen(drawing(4), levels_of(drawing(4), DRAWN, CAMERA), PARAMS))
     assert stage.is_wanted(State(best=Candidate(affine.from_code(tree()), None, 1.0, 1.0))) is wanted
 
 

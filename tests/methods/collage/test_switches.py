@@ -5,12 +5,13 @@ from types import SimpleNamespace
 
 import pytest
 import torch
-from collage_helpers import DENSITY, image_search, objective, params, problem, random, tied
+from collage_helpers import DENSITY, objective, params, problem, random, tied
 
 from fractal_exp import codes
 from fractal_exp.ifs import affine, attractor
-from fractal_exp.methods.collage.image.objective import reduced
-from fractal_exp.methods.collage.moves import single
+from fractal_exp.methods.collage.image.objective import ImageObjective, reduced
+from fractal_exp.methods.collage.moves.search import ImageSearch
+from fractal_exp.methods.collage.moves.single import with_new_map
 from fractal_exp.methods.collage.simplify.loop import Draft, Price, pruned
 from fractal_exp.methods.collage.simplify.removal import one_unseen
 from fractal_exp.methods.collage.stages.image import ImageMoves
@@ -36,14 +37,22 @@ def test_maps_that_are_not_worth_their_price_stay_without_pruning(doubled, pruni
     assert len(pruned(picture, picture.judge(maps), Price(10.0)).maps) == left
 
 
-@pytest.mark.parametrize("mirrored", [True, False])
-def test_new_maps_are_mirrored_unless_that_is_off(doubled, monkeypatch, mirrored):
-    maps, image = doubled
-    search, seen, own = image_search(image, moves={"mirrored": mirrored}), [], single.mirrored
-    monkeypatch.setattr(single, "mirrored", lambda *given: seen.append(given) or own(*given))
-    shown = search.objective.judge(maps[:3])
-    single.with_new_map(search, search.objective.without(shown, [0]), shown, maps[0], random())
-    assert len(seen) == 2 * mirrored, "the new map and the old one"
+def test_new_maps_are_mirrored_unless_that_is_off(doubled):
+    (maps, image), judged = doubled, {True: [], False: []}
+
+    class Told(ImageObjective):
+        def judge(self, maps, weights=None):
+            judged[self.params.moves.mirrored].append(maps[-1])
+            return super().judge(maps, weights)
+
+    for mirrored in True, False:
+        seen = Told(image, DENSITY, params(moves={"mirrored": mirrored}))
+        shown = seen.judge(maps[:3])
+        with_new_map(ImageSearch(seen, DENSITY.measure(image), noise=0.1), seen.without(shown, [0]), shown, maps[0],
+                     random())
+    more = torch.stack(judged[True][len(judged[False]):])
+    assert len(more) == 2 * 3, "the new map and the old one, in each axis and in both"
+    assert torch.allclose(affine.volumes(more[3:]), affine.volumes(maps[:1]).expand(3), rtol=0.05), "the old one"
 
 
 def test_without_cleaning_every_step_is_a_move(doubled):

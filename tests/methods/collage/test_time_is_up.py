@@ -5,36 +5,43 @@ from dataclasses import replace
 import pytest
 import torch
 
-from fractal_exp import codes, suite
-from fractal_exp.cameras.comparison import Comparison
-from fractal_exp.cameras.estimate import estimated
+from fractal_exp import IFS, codes, suite
 from fractal_exp.cameras.kinds import levels_of
 from fractal_exp.cameras.params import CameraParams
 from fractal_exp.ifs import attractor
 from fractal_exp.images.reading import ReadImage
 from fractal_exp.methods.collage import method
+from fractal_exp.methods.collage.image.objective import ImageObjective
 from fractal_exp.methods.collage.params import CollageParams
+from fractal_exp.methods.collage.pipeline import Pipeline
+from fractal_exp.methods.collage.stages import plan_of
 from fractal_exp.methods.collage.stages.base import SearchProblem
+from fractal_exp.methods.collage.state import State
 from fractal_exp.runtime.deadline import USUAL, Deadline, TimeIsUp, check_time, ending
 
 TRIANGLE = attractor.normalize(codes.known("sierpinski_triangle"))
 SMALL = {"growth": {"enabled": False}, "search": {"restarts": 1, "moves": 4, "detail_moves": 4}}
 
 
-class Ticking:
-    """A clock that stands still, but for so many seconds for each drawing of a code."""
+def ticking(tick: float, seconds: float) -> tuple[SearchProblem, list[IFS]]:
+    """A search with so many seconds, in which time stands still but for a tick at each drawing of a code; the codes
+    that it draws."""
+    drawn = []
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, tick: float):
-        self.now, self.drawn, draw = 0.0, [], Comparison.render
+    class Ticking(ImageObjective):
+        def render(self, code, *path):
+            image = super().render(code, *path)
+            drawn.append(code)
+            return image
 
-        def render(comparison, *arguments):
-            drawn = draw(comparison, *arguments)
-            self.now += tick
-            self.drawn.append(self.now)
-            return drawn
+    class Timed(SearchProblem):
+        def objective(self, *arguments, **options):
+            plain = super().objective(*arguments, **options)
+            return Ticking(plain.image, plain.levels, plain.params, plain.seed, plain.renderings)
 
-        monkeypatch.setattr(Comparison, "render", render)
-        monkeypatch.setattr(method.Collage, "deadline", lambda search, _: Deadline(search.seconds, lambda: self.now))
+    image, params = suite.target(TRIANGLE, 64, "binary"), CollageParams().updated(**SMALL)
+    deadline = Deadline(seconds, lambda: tick * len(drawn))
+    return Timed(image, levels_of(image, "binary", params.camera), params, deadline=deadline), drawn
 
 
 def test_a_picture_from_elsewhere_has_the_usual_limit_unless_its_maps_are_grown_at_once():
@@ -46,15 +53,13 @@ def test_a_picture_from_elsewhere_has_the_usual_limit_unless_its_maps_are_grown_
         assert search.deadline(target).seconds is None and search.deadline(target).words == "no limit"
 
 
-def test_the_camera_of_a_code_is_estimated_once(monkeypatch):
-    calls, estimate = [], estimated
-    monkeypatch.setattr("fractal_exp.cameras.estimate.estimated", lambda *each: calls.append(each) or estimate(*each))
+def test_the_camera_of_a_code_is_estimated_once():
+    """Another estimate would be another object, and that of another code is."""
     image = suite.target(TRIANGLE, 64)
     problem = SearchProblem(image, levels_of(image, "drawn", CameraParams()), CollageParams())
-    assert problem.camera(TRIANGLE) is problem.camera(replace(TRIANGLE))
-    assert len(calls) == 1
-    problem.camera(codes.known("heighway_dragon"))
-    assert len(calls) == 2
+    found = problem.camera(TRIANGLE)
+    assert found is problem.camera(replace(TRIANGLE)) is not problem.levels.camera
+    assert problem.camera(codes.known("heighway_dragon")) is not found
 
 
 def test_time_is_up_where_it_is_looked_at():
@@ -67,12 +72,12 @@ def test_time_is_up_where_it_is_looked_at():
     check_time()
 
 
-@pytest.mark.parametrize("tick", [pytest.param(0.5, marks=pytest.mark.slow), 30.0])
-def test_nothing_is_drawn_for_a_search_whose_time_is_up(tick, monkeypatch):
-    image = suite.target(TRIANGLE, 64, "binary")
-    clock = Ticking(monkeypatch, tick)
-    found = method.laptop(resolution=64, seconds=20, **SMALL).reconstruct(image)
-    assert found.stopped == "the time limit of 20 s was reached"
-    assert len(found.code) >= 1 and torch.isfinite(found.code.linear).all()
-    assert clock.now - tick < 20, clock.drawn
+@pytest.mark.parametrize("tick", [pytest.param(0.5, marks=pytest.mark.slow), 7.0, 30.0])
+def test_nothing_is_drawn_for_a_search_whose_time_is_up(tick):
+    problem, drawn = ticking(tick, 20)
+    pipeline = Pipeline(plan_of(problem), State(), on_move=lambda *_: None, on_stage=lambda *_: None)
+    found = pipeline.run()
+    assert pipeline.state.stopped == "the time limit of 20 s was reached"
+    assert len(found.maps) >= 1 and torch.isfinite(found.maps).all()
+    assert 20 <= tick * len(drawn) < 20 + tick
 

@@ -181,14 +181,14 @@ class MeasureSearch:
         weights = (1 - slack) * weights / weights.sum(1, keepdim=True)
         pool, _, _ = descend(some, weights, self.coarse, replace(self._descent(START), largest=SMALLER),
                              backgrounds=slack * self.coarse.bins[None])
-        return self._mixture(pool.view(-1, 6), self.coarse, START_MIXTURE)
+        return self.mixture_of(pool.view(-1, 6), self.coarse, START_MIXTURE)
 
     def mixed(self, pool: Tensor) -> Candidate:
         """The best mixture of maps (M,6) from several searches: right maps recur, wrong ones differ."""
         limit = self.smaller_limit + LIMIT_TOLERANCE
-        return self._mixture(pool[affine.smaller_singular(pool) < limit], self.measure, RESTARTS_MIXTURE)
+        return self.mixture_of(pool[affine.smaller_singular(pool) < limit], self.measure, RESTARTS_MIXTURE)
 
-    def _mixture(self, pool: Tensor, grid: BinnedMeasure, most: int) -> Candidate:
+    def mixture_of(self, pool: Tensor, grid: BinnedMeasure, most: int) -> Candidate:
         """Weight maps (M,6) by non-negative least squares, keep the `most` heaviest, move them and prune them."""
         from scipy.optimize import nnls
 

@@ -84,7 +84,7 @@ class Construction(Stage):
         if len(state.leader.maps) > MOST_MAPS:  # so many draw anything
             return True
         objective = self._objective_for(state.leader)
-        likeness = self._likeness(state.leader, objective)
+        likeness = self.likeness(state.leader, objective)
         if objective.levels.is_density:  # a scatter plot, as it seems: constructions are drawn with lines
             return likeness < UNLIKE
         most = max(tried.maps for tried in self._tries)  # a simpler code may draw the picture, too
@@ -193,14 +193,14 @@ class Construction(Stage):
             return False
         if has_strokes(found):
             return self._likeness_of_drawing(found) >= DRAWN_ALIKE
-        return self._likeness_of_drawing(found) >= ALIKE and self._likeness(found) >= UNLIKE
+        return self._likeness_of_drawing(found) >= ALIKE and self.likeness(found) >= UNLIKE
 
     def _is_simpler(self, found: Candidate, now: Candidate) -> bool:
         """Whether a code draws the picture with a pen, with so few maps that it is the better code."""
         price = Price(share=self.params.moves.worth)
         has_pen = found.camera is not None and found.camera.tile == 0
         return (has_pen and len(found.maps) < len(now.maps)
-                and not self._is_explained(now) and self._likeness(found) >= ALIKE
+                and not self._is_explained(now) and self.likeness(found) >= ALIKE
                 and price.score(found.error, len(found.maps)) < price.score(now.error, len(now.maps)))
 
     def _likeness_of_drawing(self, found: Candidate) -> float:
@@ -208,7 +208,7 @@ class Construction(Stage):
         shown, objective = self._shown(found, self.objective)
         return objective.likeness(shown.image)
 
-    def _likeness(self, found: Candidate, objective: ImageObjective | None = None) -> float:
+    def likeness(self, found: Candidate, objective: ImageObjective | None = None) -> float:
         """How like the picture a code is, with its own camera or the one that suits the code so far."""
         shown, objective = self._shown(found, objective or self.objective)
         return objective.likeness_of(shown)

@@ -100,7 +100,7 @@ class Registration:
         for depth in range(1, self._deepest(tree) + 1):
             if self.deadline.passed:
                 break
-            fits.append(self._fitted(tree, depth))
+            fits.append(self.fitted(tree, depth))
         kept = (each for each in fits if len(parts_of(affine.to_code(each.maps))[1]) == len(copies))
         return sorted(kept, key=misfit_of)
 
@@ -113,7 +113,8 @@ class Registration:
             count, length, depth = count * len(tree.copies), length * ratio, depth + 1
         return depth
 
-    def _fitted(self, tree: _Tree, depth: int) -> Registered:
+    def fitted(self, tree: _Tree, depth: int) -> Registered:
+        """The tree registered at one depth."""
         pairs, damping = self._pairs(tree, depth), DAMPING
         for _ in range(STEPS):
             if self.deadline.passed:

@@ -42,13 +42,13 @@ MAPS = 32, 64, 128, 256
 FIGURES = "ssim", "psnr", "seconds", "colour_error", "colour_psnr"
 
 
-def pictures(role: str, count: int) -> list[Path]:
+def pictures(role: str, count: int, plants: Path = PLANTS) -> list[Path]:
     """Those for tuning, or as many others, evenly spread over the names of all flowers, mushrooms and trees. Raises
     SystemExit if the package is not installed."""
-    paths = sorted(PLANTS.glob("*/*.png"))
+    paths = sorted(plants.glob("*/*.png"))
     if not paths:
-        raise SystemExit(f"no pictures in {PLANTS}; install the Debian package tuxpaint-stamps-default")
-    tuning = [PLANTS / f"{name}.png" for name in TUNING]
+        raise SystemExit(f"no pictures in {plants}; install the Debian package tuxpaint-stamps-default")
+    tuning = [plants / f"{name}.png" for name in TUNING]
     if role == "tuning":
         return tuning[:count]
     others = [path for path in paths if path not in tuning]

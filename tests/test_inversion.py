@@ -7,12 +7,14 @@ from dataclasses import asdict, replace
 import numpy as np
 import pytest
 import torch
-from known import loading
+from known import Known, loading
 from PIL import Image
 
 from fractal_exp import IFS, InputError, Inversion, View, codes, evaluation, invert, render, suite
 from fractal_exp.cameras.camera import Camera
 from fractal_exp.ifs import attractor
+from fractal_exp.images.reading import read_target
+from fractal_exp.inversion import run
 from fractal_exp.methods.base import CodeReconstruction, CurvePoint, Progress, stop_reason
 
 QUICK = {"resolution": 64, "rounds": 1,
@@ -239,32 +241,27 @@ def test_how_the_picture_is_read_can_be_told():
     assert found.facts()["options"]["crop"] == [60, 4, 178, 118] and found.placement.size == SIZE
 
 
-def interrupted(*told):
-    """What loads a method that tells these codes and is interrupted."""
+def test_an_interruption_returns_the_best_code_so_far():
+    target = read_target(triangle_picture(), 64, levels="coverage")
     camera = Camera("coverage", tile=0.0, pen=1 / 64, blur=1 / 128)
-    return loading(None, [Progress(step, 0.1 * step, stage=str(step), code=code, camera=camera)
-                          for step, code in enumerate(told, 1)])
+    told = [Progress(step, 0.1 * step, stage=str(step), code=attractor.normalize(codes.known(name)), camera=camera)
+            for step, name in enumerate(("sierpinski_triangle", "fern"), 1)]
+    found = run(target, Known(None, told), name="known", keep_interrupted=True)
+    assert found.stopped == "interrupted" and found.code == told[0].code
+    for some, keeps in ((told, False), ([], True)):
+        with pytest.raises(KeyboardInterrupt):
+            run(target, Known(None, some), name="known", keep_interrupted=keeps)
 
 
-def test_an_interruption_returns_the_best_code_so_far(monkeypatch):
-    triangle, fern = (attractor.normalize(codes.known(name)) for name in ("sierpinski_triangle", "fern"))
-
-    monkeypatch.setattr("fractal_exp.api.load", interrupted(triangle, fern))
-    with pytest.raises(KeyboardInterrupt):
-        invert(triangle_picture(), resolution=64)
-    found = invert(triangle_picture(), levels="coverage", resolution=64, keep_interrupted=True)
-    assert found.stopped == "interrupted" and found.code == triangle
-    monkeypatch.setattr("fractal_exp.api.load", interrupted())
-    with pytest.raises(KeyboardInterrupt):
-        invert(triangle_picture(), levels="coverage", resolution=64, keep_interrupted=True)
-
-
-def test_a_code_is_kept_though_whom_it_is_told_is_interrupted(monkeypatch):
-    triangle = attractor.normalize(codes.known("sierpinski_triangle"))
+def test_a_code_is_kept_though_whom_it_is_told_is_interrupted(path):
+    told = []
 
     def listen(progress):
-        raise KeyboardInterrupt  # as `interruption.check` does once a signal came
+        if progress.code is not None:
+            told.append(progress.code)
+            raise KeyboardInterrupt  # as `interruption.check` does once a signal came
 
-    monkeypatch.setattr("fractal_exp.api.load", interrupted(triangle))
-    found = invert(triangle_picture(), levels="coverage", resolution=64, keep_interrupted=True, on_step=listen)
-    assert found.stopped == "interrupted" and found.code == triangle
+    found = invert(path, **QUICK, keep_interrupted=True, on_step=listen)
+    assert found.stopped == "interrupted" and torch.equal(found.code.linear, told[-1].linear)
+    with pytest.raises(KeyboardInterrupt):
+        invert(path, **QUICK, on_step=listen)

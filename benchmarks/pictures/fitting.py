@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Iterable, Mapping
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Callable, Iterable, Mapping
+from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass, field
 from multiprocessing import get_context
 from pathlib import Path
@@ -98,9 +98,10 @@ def _truth(kind: str, name: str, read: ReadImage) -> IFS:
     return truth
 
 
-def run(kind: str, names: Iterable[str], setting: Setting, folder: Path, workers: int) -> int:
+def run(kind: str, names: Iterable[str], setting: Setting, folder: Path, workers: int,
+        pool_of: Callable[..., Executor] = ProcessPoolExecutor) -> int:
     """Fit those of the pictures that the folder does not hold in this setting; how many. From the truth, pictures
-    without a true code are left out."""
+    without a true code are left out. pool_of: makes the pool in which they are fitted."""
     folder.mkdir(parents=True, exist_ok=True)
     if setting.from_truth:
         names = [name for name in names
@@ -109,7 +110,7 @@ def run(kind: str, names: Iterable[str], setting: Setting, folder: Path, workers
     wanted = [name for name in names if _key({"picture": name, **asdict(setting)}) not in done]
     if not wanted:
         return 0
-    with ProcessPoolExecutor(min(workers, len(wanted)), get_context("spawn"), _begin, (setting.clock,)) as pool:
+    with pool_of(min(workers, len(wanted)), get_context("spawn"), _begin, (setting.clock,)) as pool:
         jobs = [pool.submit(fit, kind, name, setting) for name in wanted]
         for job in tqdm(as_completed(jobs), "fitting", len(jobs), unit="picture"):
             archive.append_line(folder / FILE, job.result())

@@ -8,7 +8,7 @@ from benchmarks import photographs
 
 
 @pytest.fixture
-def plants(tmp_path, monkeypatch):
+def plants(tmp_path):
     """A folder as of the package of stamps, with clouds in the place of its pictures."""
     y, x = np.mgrid[-1:1:64j, -1:1:64j]
     grey = 255 * (0.5 + 0.3 * np.sin(7 * x + 2 * y)) * (x**2 + y**2 < 0.6)
@@ -16,20 +16,18 @@ def plants(tmp_path, monkeypatch):
         path = tmp_path / f"{name}.png"
         path.parent.mkdir(exist_ok=True)
         Image.fromarray(grey.astype(np.uint8)).save(path)
-    monkeypatch.setattr(photographs, "PLANTS", tmp_path)
     return tmp_path
 
 
 def test_pictures_for_reporting_are_others_than_those_for_tuning(plants):
-    tuning, reporting = (photographs.pictures(role, 2) for role in ("tuning", "reporting"))
+    tuning, reporting = (photographs.pictures(role, 2, plants) for role in ("tuning", "reporting"))
     assert [path.stem for path in tuning] == ["birch", "liberia-palm"]
     assert [path.stem for path in reporting] == ["rose", "oak"] and not {*tuning} & {*reporting}
 
 
-def test_without_the_pictures_it_says_where_they_are_from(tmp_path, monkeypatch):
-    monkeypatch.setattr(photographs, "PLANTS", tmp_path)
+def test_without_the_pictures_it_says_where_they_are_from(tmp_path):
     with pytest.raises(SystemExit, match="install the Debian package tuxpaint-stamps-default"):
-        photographs.pictures("tuning", 2)
+        photographs.pictures("tuning", 2, tmp_path)
 
 
 def test_more_maps_are_more_like_the_photograph(plants):

@@ -1,7 +1,7 @@
 """Fits of pictures from elsewhere: their lines, going on where a run ended, tables, sheets and the command line."""
 
 import json
-from concurrent.futures import Future
+from concurrent.futures import Executor, Future
 
 import numpy as np
 import pytest
@@ -43,21 +43,15 @@ def test_a_fit_from_the_truth_refines_the_true_code_and_searches_nothing(tmp_pat
     assert "no true code" in fitting.fit("textbook", "pythagoras-4-green", setting)["error"]
 
 
-def test_what_is_there_is_not_fitted_again(tmp_path, monkeypatch):
+def test_what_is_there_is_not_fitted_again(tmp_path):
     for each in (line("gasket-4-black"), line("gasket-6-green", error="InputError: no")):
         fitting.archive.append_line(tmp_path / fitting.FILE, each)
     fitted = []
 
-    class Here:
+    class Here(Executor):
         """A pool that works in this process."""
 
         def __init__(self, *arguments):
-            pass
-
-        def __enter__(self):
-            return self
-
-        def __exit__(self, *error):
             pass
 
         def submit(self, function, kind, name, setting):
@@ -66,12 +60,13 @@ def test_what_is_there_is_not_fitted_again(tmp_path, monkeypatch):
             job.set_result(line(name, limit=setting.limit, options=dict(setting.options)))
             return job
 
-    monkeypatch.setattr(fitting, "ProcessPoolExecutor", Here)
-    setting = fitting.Setting(0.2, "wall", {"resolution": 64})
+    def count(names, limit=0.2):
+        return fitting.run("textbook", names, fitting.Setting(limit, "wall", {"resolution": 64}), tmp_path, 2, Here)
+
     names = ["gasket-4-black", "gasket-6-green"]
-    assert fitting.run("textbook", names, setting, tmp_path, 2) == 1 and fitted == ["gasket-6-green"], "after an error"
-    assert fitting.run("textbook", names, setting, tmp_path, 2) == 0
-    assert fitting.run("textbook", names[:1], fitting.Setting(5, "wall", {"resolution": 64}), tmp_path, 2) == 1
+    assert count(names) == 1 and fitted == ["gasket-6-green"], "after an error"
+    assert count(names) == 0
+    assert count(names[:1], limit=5) == 1
     assert len(fitting.read(tmp_path)) == 3 and not any("error" in each for each in fitting.read(tmp_path))
 
 

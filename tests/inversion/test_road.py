@@ -82,15 +82,11 @@ def test_an_interrupted_method_leaves_its_best_code():
         reconstruct(target, knowing(interrupted=True))
 
 
-def test_an_interruption_estimates_a_camera_only_where_the_method_has_none(monkeypatch):
-    estimated = []
-    monkeypatch.setattr("fractal_exp.inversion.road.camera_for",
-                        lambda code, *_, **__: estimated.append(code) or CAMERAS["dots"])
+def test_an_interruption_estimates_a_camera_only_where_the_method_has_none():
     target = drawn("dots")
-    judged = run(target, knowing(camera=CAMERAS["dots"], interrupted=True), name="known", keep_interrupted=True)
-    assert judged.camera == CAMERAS["dots"] and not estimated
-    run(target, knowing(interrupted=True), name="known", keep_interrupted=True)
-    assert estimated == [CODE]
+    judged, estimated = (run(target, knowing(camera, interrupted=True), name="known", keep_interrupted=True).camera
+                         for camera in (CAMERAS["dots"], None))
+    assert judged == CAMERAS["dots"] != estimated and estimated.kind == "dots" and estimated.is_known
 
 
 def test_a_code_is_drawn_once_for_its_files(tmp_path, monkeypatch):

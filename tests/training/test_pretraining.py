@@ -1,6 +1,7 @@
 """The training of the networks of compared methods: what they see, that it can be interrupted, and the command."""
 
 import json
+import math
 import re
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import pytest
 import torch
 from configured import composed, options, plain
 from fractal_exp.conf.generate import hydra_config
-from networks_helpers import TRAININGS, Stop, each_training, resumed, run, saved, stopped_after
+from networks_helpers import REGRESSION, TRAININGS, Stop, each_training, resumed, run, saved, stopped_after
 
 from benchmarks import networks
 from fractal_exp import InputError, tracking
@@ -19,10 +20,10 @@ from fractal_exp.cli.train import NOT_PART_OF_A_FIT
 from fractal_exp.ifs import attractor
 from fractal_exp.methods.base import FitDiverged
 from fractal_exp.runtime import weights
-from fractal_exp.runtime.deadline import Deadline
 from fractal_exp.suite import FIRST_TRAINING_SEED, draw_code, random_suite, target
-from fractal_exp.training import codes, loop
+from fractal_exp.training import codes
 from fractal_exp.training.loop import train
+from fractal_exp.training.neural_regression import RegressionTraining
 
 
 def test_no_suite_has_the_seed_of_a_training_code():
@@ -91,34 +92,33 @@ def test_it_tells_the_held_out_loss_beside_the_trivial_one(name):
     assert [progress.step for progress in seen] == list(range(1, 10)) and seen[-1].fraction == 1
 
 
-def test_the_best_state_is_kept_and_the_training_ends_where_nothing_gets_better(monkeypatch):
+def test_the_best_state_is_kept_and_the_training_ends_where_nothing_gets_better():
     losses = iter([3.0, 1.0, 2.0, 1.5, 0.5])
     states = []
 
-    def judge(self, network, device):
-        states.append({key: value.clone() for key, value in network.state_dict().items()})
-        return {"held_out": next(losses), "mean_code": 4.0}
+    class Judged(RegressionTraining):
+        def judge(self, network, device):
+            states.append({key: value.clone() for key, value in network.state_dict().items()})
+            return {"held_out": next(losses), "mean_code": 4.0}
 
-    make = TRAININGS["neural_regression"]
-    monkeypatch.setattr(type(make()), "judge", judge)
-    trained = train(make(epochs=9, patience=2))
+    trained = train(Judged(**REGRESSION | {"epochs": 9, "patience": 2}))
     assert trained.stopped == "2 looks in a row found nothing better, after 12 steps" and len(states) == 4
     assert trained.scores["held_out"] == 1.0
     assert all(torch.equal(trained.tensors[key], states[1][key]) for key in trained.tensors)
 
 
-def test_a_training_that_breaks_down_says_so(monkeypatch):
-    make = TRAININGS["neural_regression"]
-    monkeypatch.setattr(type(make()), "loss", lambda self, network, batch: network(batch[0]).sum() * float("nan"))
+def test_a_training_that_breaks_down_says_so():
+    class Broken(RegressionTraining):
+        def loss(self, network, batch):
+            return super().loss(network, batch) * math.nan
+
     with pytest.raises(FitDiverged, match="step 1 of the training met a NaN"):
-        train(make())
+        train(Broken(**REGRESSION))
 
 
-def test_a_limited_training_keeps_what_it_has(monkeypatch):
-    clock = iter(range(100))
-    monkeypatch.setattr(loop, "Deadline", lambda seconds: Deadline(seconds, lambda: float(next(clock))))
-    trained = train(TRAININGS["neural_regression"](), seconds=4)
-    assert trained.stopped.startswith("the time limit of 4 s was reached after") and trained.scores
+def test_a_limited_training_keeps_what_it_has():
+    trained = train(TRAININGS["neural_regression"](epochs=10**6, patience=10**6), seconds=0.2)
+    assert trained.stopped.startswith("the time limit of 0.2 s was reached after") and trained.scores
 
 
 @pytest.mark.parametrize(("name", "change", "message"), [
@@ -209,7 +209,7 @@ def test_an_interrupted_command_goes_on(tmp_path, monkeypatch):
     with pytest.raises(Stop):
         run(*words, "name=part")
     assert (tmp_path / "pretraining/part/checkpoint.safetensors").exists()
-    monkeypatch.setattr(pretrain, "train", train)
+    monkeypatch.undo()
     with pytest.raises(InputError, match="pretraining.epochs: 3 there, 4 now"):
         run(*words, "name=part", "resume=true", "pretraining.epochs=4")
     resumed_scores = run(*words, "name=part", "resume=true")

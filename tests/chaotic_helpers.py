@@ -13,6 +13,18 @@ OPTIMIZERS = {
 }
 
 
+class Breaking(GradientDescent):
+    """Gradient descent that meets a NaN in one iteration."""
+
+    def __init__(self, iteration: int, **options):
+        super().__init__(**options)
+        self.iteration = iteration
+
+    def change_gradients(self, iteration):
+        if iteration == self.iteration:
+            self.raw["offset"].grad += torch.nan
+
+
 def fit(optimizer=None, *, iterations=12, parameterization=None, **options) -> Chaotic:
     model = ForwardModel(parameterization or SVD(), resolution=32, maps=3, trajectories=60, length=30)
     objective = WeightedSum({"mse": 10, "ssim": 1, "regularizer": 0.01},

@@ -20,16 +20,21 @@ CODE = {"format": "fractal-exp/ifs", "version": 1, "linear": [[[0.5, 0], [0, 0.5
 NUMBERS = ["NaN", "1e400", "-1e400", "-1", "2", '"0.5"', "null", "[1]", "true", "9" * 400]
 
 
-def ended(command, capsys, *words):
-    """Whether a command did its work; it may also end in one line of error."""
+def refusal(command, capsys, *words):
+    """The line of error in which a command ended, or None if it did its work."""
     capsys.readouterr()
     try:
         command.main(list(map(str, words)))
     except SystemExit as end:
         told = capsys.readouterr().err
         assert end.code == 2 and told[:-1].isprintable() and len(told) < 2000, told[:2000]
-        return False
-    return True
+        return told
+    return None
+
+
+def ended(command, capsys, *words):
+    """Whether a command did its work; it may also end in one line of error."""
+    return refusal(command, capsys, *words) is None
 
 
 @pytest.fixture(autouse=True)
@@ -93,16 +98,13 @@ def test_films_of_no_file_are_refused(name, capsys):
 
 
 @pytest.mark.parametrize("folder", ["code.json", "code.json/inner"])
-def test_a_file_where_a_folder_should_be_is_told_before_the_search(folder, capsys, monkeypatch):
-    Image.fromarray(np.uint8(255 * (np.indices((64, 64)).sum(0) < 40))).save("picture.png")
-    monkeypatch.setattr("fractal_exp.api.invert", lambda *_, **__: pytest.fail("the search has begun"))
-    assert not ended(invert, capsys, "picture.png", "--output", folder)
+def test_a_file_where_a_folder_should_be_is_told_before_the_picture_is_read(folder, capsys):
+    assert "code.json is a file; name a folder" in refusal(invert, capsys, "none.png", "--output", folder)
 
 
-def test_a_folder_that_may_not_be_written_to_is_told_before_the_search(capsys, monkeypatch):
+def test_a_folder_that_may_not_be_written_to_is_told_before_the_picture_is_read(capsys, monkeypatch):
     monkeypatch.setattr("fractal_exp.cli.invert.os.access", lambda *_: False)  # as for root on a disk that is read-only
-    monkeypatch.setattr("fractal_exp.images.reading.read_target", lambda *_, **__: pytest.fail("the work has begun"))
-    assert not ended(invert, capsys, "picture.png", "--output", "new/folder")
+    assert "may not be written to" in refusal(invert, capsys, "none.png", "--output", "new/folder")
 
 
 def test_a_disk_that_is_read_only_is_told(monkeypatch, tmp_path, capsys):

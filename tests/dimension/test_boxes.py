@@ -5,7 +5,7 @@ import pytest
 from PIL import Image, ImageDraw
 
 from fractal_exp import InputError, codes, render, suite
-from fractal_exp.dimension.samples import OFFSETS, count_boxes, lacunarity
+from fractal_exp.dimension.samples import OFFSETS, count_boxes, lacunarity, slope
 from fractal_exp.ifs import attractor
 from fractal_exp.images.pixels import write_image
 from fractal_exp.images.reading import read_lit
@@ -32,25 +32,26 @@ def test_a_line_and_a_filled_square():
 
 
 def by_hand(lit: np.ndarray, size: int) -> float:
-    """The mean number of boxes that hold a lit pixel, over offsets of the lattice."""
+    """The mean number of boxes that hold a lit pixel, over offsets of the lattice, at most `OFFSETS` each way."""
     rows, columns = np.nonzero(lit)
+    tried = min(size, OFFSETS)
+    offsets = [size * (k + 1) // tried - 1 for k in range(tried)]
     return float(np.mean([len({((y + i) // size, (x + j) // size) for y, x in zip(rows, columns, strict=True)})
-                          for i in range(size) for j in range(size)]))
+                          for i in offsets for j in offsets]))
 
 
-def test_boxes_are_counted_and_their_slope_is_that_of_least_squares(monkeypatch):
-    lit = np.random.default_rng(0).random((40, 64)) < 0.03
+def test_boxes_are_counted_and_their_slope_is_that_of_least_squares():
+    lit = np.random.default_rng(0).random((40, 64)) < 0.2
     lit[[0, -1], [0, -1]] = True
-    counted = []
-    monkeypatch.setattr("fractal_exp.dimension.samples.slope", lambda x, y: counted.append((x, y)) or (1.5, .01, .02))
     found = count_boxes(np.pad(lit, 9))                     # what is dark around it does not matter
-    [(x, y)] = counted
-    sizes = np.exp(-x).round().astype(int)
-    assert sizes[0] == 2 and sizes[-1] == 16
-    for size, count in zip(sizes, np.exp(y), strict=True):
-        if size <= OFFSETS:                                 # all offsets
-            assert count == pytest.approx(by_hand(lit, size))
-    assert (found.value, found.low, found.high) == pytest.approx((1.5, 1.44, 1.56))
+    sizes = 2, 3, 4, 5, 6, 8, 9, 11, 13, 16
+    assert f"{len(sizes)} sizes from 2 to 16 px" in found.condition
+    x, y = -np.log(sizes), np.log([by_hand(lit, size) for size in sizes])
+    value, error, change = slope(x, y)
+    assert value == pytest.approx(np.polyfit(x, y, 1)[0])
+    margin = 2 * error + 2 * change
+    assert (found.value, found.low, found.high) == pytest.approx((value, value - margin, value + margin))
+    assert 0 < found.low and found.high < 2
 
 
 def test_lacunarity_is_that_of_gliding_boxes():

@@ -10,7 +10,6 @@ import torch
 from scipy.optimize import brentq
 
 from fractal_exp import IFS, InputError, codes
-from fractal_exp.dimension import samples
 from fractal_exp.dimension.affinity import affinity
 from fractal_exp.dimension.samples import MEASURES, of_points
 
@@ -169,10 +168,9 @@ def test_the_measure_of_mcmullens_carpet_has_its_dimensions():
     assert carpet.dimension().value == pytest.approx(1 + math.log(3 / 2, 3), abs=1e-4)
 
 
-def test_where_no_formula_holds_points_of_the_seed_are_drawn(monkeypatch):
-    monkeypatch.setattr(samples, "POINTS", 10_000)
+def test_where_no_formula_holds_points_of_the_seed_are_drawn():
     found = PRODUCT.dimension("information", seed=1)
-    assert found.standing == "estimate" and "8 × 10000 points" in found.condition
+    assert found.standing == "estimate" and "8 × 50000 points" in found.condition
     assert found.low < math.log(2, 3) + math.log(2, 4) < found.high      # the measure is a product, too
     assert found == PRODUCT.dimension("information", seed=1) != PRODUCT.dimension("information", seed=2)
 

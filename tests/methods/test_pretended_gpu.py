@@ -5,16 +5,19 @@ from dataclasses import replace
 
 import pytest
 import torch
-from chaotic_helpers import OPTIMIZERS, fit
+from chaotic_helpers import OPTIMIZERS, Breaking, fit
 from collage_helpers import BRIEF, merged
 from pretended_gpu import GPU, pretended
 
 from fractal_exp import codes, suite
+from fractal_exp.methods.base import FitDiverged
 from fractal_exp.methods.chaotic.method import FitProblem
 from fractal_exp.methods.chaotic.model import SVD, ForwardModel, Naive
 from fractal_exp.methods.chaotic.optimizers import GradientDescent
+from fractal_exp.methods.chaotic.readback import STEPS_ELSEWHERE
 from fractal_exp.methods.collage.method import Collage
 from fractal_exp.ops import cuda_launch
+from fractal_exp.runtime.checkpoint import Checkpoint
 
 SHORT = merged(BRIEF, dict(rounds=1, search={"restarts": 1, "moves": 1, "detail_moves": 1, "proposals": 1},
                            moves={"count": 1}, growth={"enabled": True, "usual": 4, "counts": (4,), "steps": 5}))
@@ -71,6 +74,16 @@ def test_the_papers_method_goes_the_same_way_on_both(target, name, parameterizat
         assert losses("cuda") == pytest.approx(expected, rel=1e-3)  # Adam's divisions come in another order
 
 
+def test_a_nan_among_steps_fetched_together_is_found_and_the_state_before_them_kept(target, tmp_path):
+    told, checkpoint = [], Checkpoint(tmp_path / "f", resume=True)
+    with (pretended(),
+          pytest.raises(FitDiverged, match=r"iteration 34 met a NaN .*the state before iteration 32 is in")):
+        fit(Breaking(34, cuda_graph=False), iterations=40, previews=0, device="cuda").reconstruct(
+            target, checkpoint=checkpoint, on_step=told.append)
+    assert [each.step for each in told] == [*range(1, 35)]
+    assert checkpoint.load().iteration == 32 == STEPS_ELSEWHERE
+
+
 @pytest.mark.parametrize(("parameterization", "backend", "installed", "expected"), [
     (SVD(), "auto", True, True), (SVD(), "auto", False, False), (SVD(), "torch", True, False),
     (Naive(), "auto", True, False)])
@@ -82,7 +95,7 @@ def test_steps_that_wait_are_not_recorded(target, monkeypatch, parameterization,
         start = parameterization.initial(3, torch.Generator().manual_seed(0))
         method.optimizer.start({name: value.to("cuda") for name, value in start.items()}, 0)
         problem = FitProblem(method.model, method.objective, target.to("cuda"))
-        assert method.optimizer._records(problem) is expected
+        assert method.optimizer.records(problem) is expected
 
 
 def test_a_gradient_step_waits_for_nothing(target):

@@ -71,6 +71,7 @@ class GradientDescent(Optimizer):
     """
 
     recordable = True  # whether a step depends on the parameters, Adam's moments and one seed alone
+    recorder: type[Recorded] = Recorded
 
     def __init__(self, *, lr: float = 1e-2, cuda_graph: bool = True):
         if not lr > 0:
@@ -95,7 +96,7 @@ class GradientDescent(Optimizer):
 
     def step(self, problem: FitProblem, iteration: int, temperature: float) -> Step:
         seed = derive(self.seed, "gradient", iteration)
-        if self._records(problem):
+        if self.records(problem):
             return self._replay(problem, seed)
         scored = self._copy()
         loss, terms = self._differentiate(problem, seed)
@@ -113,14 +114,15 @@ class GradientDescent(Optimizer):
         self.adam.step()
         self._move_to(problem.parameterization.project(self.raw))
 
-    def _records(self, problem: FitProblem) -> bool:
+    def records(self, problem: FitProblem) -> bool:
+        """Whether steps on a problem are recorded."""
         return (self.cuda_graph and self.recordable and self._device.type == "cuda"
                 and not problem.waits)
 
     def _replay(self, problem: FitProblem, seed: int) -> Step:
         """A step from the recording, which is made for one problem and the parameters of one start."""
         if self._recorded is None or self._recorded[0] is not problem:
-            self._recorded = (problem, Recorded(lambda seed: self._recordable_step(problem, seed), self._device))
+            self._recorded = (problem, self.recorder(lambda seed: self._recordable_step(problem, seed), self._device))
         values = self._recorded[1](seed)
         sizes = [value.numel() for value in self.raw.values()]
         *scored, scores = values.split([*sizes, len(values) - sum(sizes)])

@@ -4,7 +4,6 @@ import pytest
 import torch
 
 from fractal_exp import InputError
-from fractal_exp.methods.chaotic import optimizers
 from fractal_exp.methods.chaotic.model import SVD, Parameterization
 from fractal_exp.methods.chaotic.optimizers import (
     Alternating,
@@ -147,8 +146,8 @@ def test_proposals_have_the_stated_spread_and_are_projected():
     torch.testing.assert_close(candidate["u"].mT @ candidate["u"], torch.eye(2).expand(500, 2, 2))
 
 
-@pytest.mark.parametrize("build", [GradientDescent, lambda: Alternating(every=5, candidates=3)])
-def test_a_step_is_the_same_in_the_form_that_is_recorded(build, monkeypatch):
+@pytest.mark.parametrize(("kind", "options"), [(GradientDescent, {}), (Alternating, {"every": 5, "candidates": 3})])
+def test_a_step_is_the_same_in_the_form_that_is_recorded(kind, options):
     """With a stand-in that runs what a CUDA graph would replay."""
     class Plainly:
         def __init__(self, work, device):
@@ -161,10 +160,14 @@ def test_a_step_is_the_same_in_the_form_that_is_recorded(build, monkeypatch):
         def loss(self, raw, seed):
             return super().loss(raw, int(seed))
 
-    plain, recorded = build(), build()
+    class Recording(kind):
+        recorder = Plainly
+
+        def records(self, problem):
+            return True
+
+    plain, recorded = kind(**options), Recording(**options)
     expected = run(plain, Seeded())
-    monkeypatch.setattr(optimizers, "Recorded", Plainly)
-    monkeypatch.setattr(recorded, "_records", lambda problem: True)
     for step, other in zip(run(recorded, Seeded()), expected, strict=True):
         assert torch.equal(step.raw["x"], other.raw["x"]) and torch.equal(step.loss, other.loss)
         assert step.terms == other.terms and step.accepted == other.accepted

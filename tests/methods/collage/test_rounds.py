@@ -4,15 +4,14 @@ import math
 
 import pytest
 import torch
-from collage_helpers import measure_search, objective, problem, tied
+from collage_helpers import UNPOLISHED, measure_search, objective, problem, tied, unpolished
 from collage_helpers import small as few
 
 from fractal_exp import suite
 from fractal_exp.ifs import affine
-from fractal_exp.methods.collage.moves.search import ImageSearch
 from fractal_exp.methods.collage.stages import plan_of
 from fractal_exp.methods.collage.stages.image import ImageMoves
-from fractal_exp.methods.collage.stages.measure import Detail, Restart
+from fractal_exp.methods.collage.stages.measure import Restart
 from fractal_exp.methods.collage.state import State
 from fractal_exp.runtime.checkpoint import Checkpoint
 
@@ -32,10 +31,9 @@ def small(**options):
 @pytest.mark.parametrize(("number", "ratio", "angle", "another"), [
     (1, 1.5, 0.1, False), (0, 1, 0.1, False), (0, 10, 0.5, False), (0, 1.5, 0.1, True), (2, 10, 0.1, False),
     pytest.param(1, 2.5, 0.1, True, marks=pytest.mark.slow)])
-def test_another_round_begins_only_where_the_image_is_far_off(triangle, monkeypatch, number, ratio, angle, another):
+def test_another_round_begins_only_where_the_image_is_far_off(triangle, number, ratio, angle, another):
     code, image = triangle
-    given, maps = problem(image, rounds=3), affine.from_code(code)
-    monkeypatch.setattr(ImageSearch, "resume", lambda search, now: search.judged(now))  # without a polish
+    given, maps = unpolished(image, rounds=3), affine.from_code(code)
     stage, state = ImageMoves(given, number), State(best=tied(maps), pool=maps)
     state = stage.open(state)
     assert stage.search.noise_ratio(state.current) < 2, "the true code"
@@ -98,24 +96,24 @@ def test_how_many_rounds_there_are_depends_on_what_the_greys_mean(triangle):
     assert problem(image, rounds=None, levels="binary", stages={"independent_rounds": 0}).rounds == 2
 
 
-def test_later_rounds_go_on_where_they_were_interrupted_and_progress_never_falls(triangle, tmp_path, monkeypatch):
-    _, image = triangle
-    monkeypatch.setattr(ImageMoves, "_is_wrong", lambda stage, candidate: True)
-    path, parts = tmp_path / "search.safetensors", []
-    whole = small(rounds=2).reconstruct(image, on_step=lambda p: parts.append(p.fraction)).code
+def test_later_rounds_go_on_where_they_were_interrupted_and_progress_never_falls(triangle, tmp_path):
+    """Two maps draw no triangle, so there is another round."""
+    (_, image), path, parts, stages = triangle, tmp_path / "search.safetensors", [], []
+
+    def search():
+        return small(rounds=2, at_most=2, **UNPOLISHED)
+
+    def interrupt_in_the_second_round(progress):
+        stages.append(progress.stage)
+        if progress.stage == "detail" and "image" in stages:
+            raise KeyboardInterrupt
+
+    whole = search().reconstruct(image, on_step=lambda p: parts.append(p.fraction)).code
     assert parts == sorted(parts) and parts[-1] == 1 and len(set(parts)) > 10
-    with monkeypatch.context() as patch:
-        patch.setattr(Detail, "open", _interrupt_in_the_second_round)
-        with pytest.raises(KeyboardInterrupt):
-            small(rounds=2).reconstruct(image, checkpoint=Checkpoint(path))
-    resumed = small(rounds=2).reconstruct(image, checkpoint=Checkpoint(path, resume=True)).code
+    with pytest.raises(KeyboardInterrupt):
+        search().reconstruct(image, on_step=interrupt_in_the_second_round, checkpoint=Checkpoint(path))
+    resumed = search().reconstruct(image, checkpoint=Checkpoint(path, resume=True)).code
     assert torch.equal(whole.linear, resumed.linear) and torch.equal(whole.offset, resumed.offset)
-
-
-def _interrupt_in_the_second_round(stage, state, opened=Detail.open):
-    if stage.round == 1:
-        raise KeyboardInterrupt
-    return opened(stage, state)
 
 
 def test_the_angle_of_an_error_is_what_all_pixels_are_off_by():

@@ -31,7 +31,7 @@ from fractal_exp.ifs.affine import from_code
 from fractal_exp.ifs.code import IFS
 from fractal_exp.images.levels import meaning_of
 from fractal_exp.methods.amortized.method import Amortized
-from fractal_exp.methods.base import Method
+from fractal_exp.methods.base import CodeReconstruction
 from fractal_exp.methods.collage.stages.base import SearchProblem
 from fractal_exp.methods.collage.stages.measure import Restart
 from fractal_exp.methods.collage.state import Candidate, State
@@ -52,10 +52,10 @@ def random_maps(image: Tensor, method: CoreTime) -> Given:
     return Given(None)
 
 
-def network(image: Tensor, method: CoreTime, guessing: Method | None = None) -> Given:
-    """The first restart with the network's maps, moved and pruned on its measure, in place of random maps. guessing:
-    another method for the maps."""
-    code, params = (guessing or Amortized()).reconstruct(image).code, method.params
+def network(image: Tensor, method: CoreTime, guess: Callable[[Tensor], CodeReconstruction] | None = None) -> Given:
+    """The first restart with the network's maps, moved and pruned on its measure, in place of random maps. guess: what
+    finds them, if not the network."""
+    code, params = (guess or Amortized().reconstruct)(image).code, method.params
     restart = Restart(SearchProblem(image, levels_of(image, meaning_of(image), params.camera), params, method.seed))
     given = State(current=Candidate(from_code(code).float(), None, math.inf))
     restart.open(given)

@@ -1,7 +1,6 @@
 """The benchmark of collage search begun with the amortised network's maps."""
 
 import torch
-from known import Known
 
 from benchmarks import starts
 from benchmarks.searches import CoreTime
@@ -16,7 +15,7 @@ def test_the_search_begins_with_the_answer_of_the_network():
     answer = normalize(codes.known("sierpinski_triangle"))
     image = suite.target(answer, 64, "grey")
     method = CoreTime(seconds=None, previews=0, search={"pruning": False})
-    state = State.of(starts.network(image, method, Known(CodeReconstruction(answer))).load(), "cpu")
+    state = State.of(starts.network(image, method, lambda _: CodeReconstruction(answer)).load(), "cpu")
     assert state.done is None and state.step == 0, "the first restart is the one that goes on"
     assert torch.allclose(state.now.maps, from_code(answer), atol=.05)
     assert starts.random_maps(image, method).load() is None

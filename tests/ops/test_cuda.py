@@ -52,26 +52,27 @@ def kernels():
         return t.NamedTuple(tuple(values), type(values))
 
     floats, longs = {n: array(t.float32, n) for n in (2, 3, 4)}, array(t.int64, 1)
-    yield "chaos_game", game._forward, (floats[3], array(t.int64, 2), longs, floats[4], floats[4], array(t.uint16, 3))
-    yield "chaos_game_backward", game._backward, (floats[3], longs, floats[4], floats[4], array(t.uint16, 3), floats[4],
-                                                  array(t.float64, 4))
-    yield "assign", cuda_splat._assign, (floats[3], t.int64, t.int64, t.int64, array(t.int32, 1))
-    yield "share_out", cuda_splat._share_out, (longs, t.int64, t.int64, t.int64, longs)
-    yield "multiply", cuda_splat._multiply, (floats[2], longs, longs, t.int64, t.int64, t.int64, t.int64, t.float64,
-                                             floats[3], floats[3])
-    yield "combine", cuda_splat._combine, (longs, t.int64, floats[3], floats[3])
-    yield "downsample", cuda_splat._downsample, (floats[3], t.int64, floats[3])
-    yield "gather", cuda_splat._gather, (floats[2], longs, longs, floats[3], floats[3], t.int64, t.int64, t.float64,
-                                         floats[2])
+    yield "chaos_game", game.forward_kernel, (
+        floats[3], array(t.int64, 2), longs, floats[4], floats[4], array(t.uint16, 3))
+    yield "chaos_game_backward", game.backward_kernel, (
+        floats[3], longs, floats[4], floats[4], array(t.uint16, 3), floats[4], array(t.float64, 4))
+    yield "assign", cuda_splat.assign_kernel, (floats[3], t.int64, t.int64, t.int64, array(t.int32, 1))
+    yield "share_out", cuda_splat.share_out_kernel, (longs, t.int64, t.int64, t.int64, longs)
+    yield "multiply", cuda_splat.multiply_kernel, (
+        floats[2], longs, longs, t.int64, t.int64, t.int64, t.int64, t.float64, floats[3], floats[3])
+    yield "combine", cuda_splat.combine_kernel, (longs, t.int64, floats[3], floats[3])
+    yield "downsample", cuda_splat.downsample_kernel, (floats[3], t.int64, floats[3])
+    yield "gather", cuda_splat.gather_kernel, (
+        floats[2], longs, longs, floats[3], floats[3], t.int64, t.int64, t.float64, floats[2])
     measure = floats[3], floats[2], floats[2]  # maps, weights, samples
-    yield "pushforward", cuda_collage._pushforward, (*measure, t.int64, t.int64, array(t.int64, 2))
+    yield "pushforward", cuda_collage.pushforward_kernel, (*measure, t.int64, t.int64, array(t.int64, 2))
     flat = array(t.float32, 1)
     target = named(cuda_collage.Target(samples=floats[2], roots=flat, mean=flat, covariance=floats[2], size=t.int64,
                                        grids=t.int64, floor=t.float64, known=flat))
     settings = named(cuda_collage.Settings(**{name: typeof(value) for name, value in vars(Descent(steps=1)).items()}))
     work = named(cuda_collage.Workspace(moments=floats[4], masses=array(t.int64, 2), bins=floats[2], slopes=floats[2],
                                         gradients=floats[3]))
-    yield "descend", cuda_collage._descend, (*measure[:2], target, floats[2], longs, settings, work, flat)
+    yield "descend", cuda_collage.descend_kernel, (*measure[:2], target, floats[2], longs, settings, work, flat)
     for mode, dtype in ((cuda_histogram.LIT, t.uint8), (cuda_histogram.COUNTED, t.int32)):
         yield f"throw_{mode}", cuda_histogram.KERNELS[mode], (
             array(t.float64, 2), longs, array(t.float64, 2), longs, array(t.int32, 1), t.int64, t.int64, t.int64,

@@ -27,8 +27,8 @@ def forward(maps: Tensor, thresholds: Tensor, seeds: Tensor, trajectories: int, 
     points = maps.new_empty(codes, trajectories, kept, 2)
     path = maps.new_empty(codes, trajectories, max(warmup, 1), 2)
     indices = maps.new_empty(codes, trajectories, length, dtype=torch.uint16)
-    launch(_forward, codes * blocks_of(trajectories, WARP), WARP, maps, thresholds.contiguous(), seeds.contiguous(),
-           points, path, indices)
+    launch(forward_kernel, codes * blocks_of(trajectories, WARP), WARP, maps, thresholds.contiguous(),
+           seeds.contiguous(), points, path, indices)
     return points.view(codes, trajectories * kept, 2), path, indices
 
 
@@ -40,13 +40,14 @@ def backward(maps: Tensor, seeds: Tensor, points: Tensor, path: Tensor, indices:
     blocks, shares = blocks_of(trajectories, WARP), blocks_of(count, MAPS)
     partial = maps.new_empty(codes, blocks, count, 6, dtype=torch.float64)
     shape = (codes, trajectories, -1, 2)
-    launch(_backward, codes * blocks * shares, WARP, maps, seeds.contiguous(), points.view(shape), path, indices,
+    launch(backward_kernel, codes * blocks * shares, WARP, maps, seeds.contiguous(), points.view(shape), path, indices,
            grad_points.view(shape), partial, shared_bytes=min(count, MAPS) * 6 * WARP * 4)
     return partial.sum(1).float()
 
 
 @cuda.jit
-def _forward(maps, thresholds, seeds, points, path, indices):
+def forward_kernel(maps, thresholds, seeds, points, path, indices):
+    """Play the trajectories of `forward`, a thread each."""
     trajectories, length = indices.shape[1], indices.shape[2]
     warmup = length - points.shape[2]
     blocks = (trajectories + WARP - 1) // WARP
@@ -87,7 +88,8 @@ def _forward(maps, thresholds, seeds, points, path, indices):
 
 
 @cuda.jit
-def _backward(maps, seeds, points, path, indices, grad_points, partial):
+def backward_kernel(maps, seeds, points, path, indices, grad_points, partial):
+    """Follow the trajectories of `backward` back; into partial, the sum of the gradients of each block of them."""
     trajectories, length = indices.shape[1], indices.shape[2]
     warmup = length - points.shape[2]
     count, blocks = maps.shape[1], partial.shape[1]

@@ -45,8 +45,8 @@ def pushforward(maps: Tensor, weights: Tensor, samples: Tensor, size: int) -> Te
     """See `reference.pushforward`."""
     bins = torch.zeros(len(maps), size * size, dtype=torch.int64, device=maps.device)
     shares = max(1, blocks_of(maps.shape[1] * len(samples), THREADS * WARP))
-    launch(_pushforward, len(maps) * shares, THREADS, maps.contiguous(), weights.contiguous(), samples.contiguous(),
-           size, shares, bins)
+    launch(pushforward_kernel, len(maps) * shares, THREADS, maps.contiguous(), weights.contiguous(),
+           samples.contiguous(), size, shares, bins)
     return (bins / UNITS).float().view(-1, size, size)
 
 
@@ -61,7 +61,7 @@ def descend(maps: Tensor, weights: Tensor, target: Target, backgrounds: Tensor, 
                      bins=maps.new_empty(codes, len(target.roots)), slopes=maps.new_empty(cells),
                      gradients=maps.new_empty(codes, count, SUMS))
     errors = maps.new_empty(codes)
-    launch(_descend, codes, THREADS, maps, weights, target, backgrounds.contiguous(), chosen.contiguous(),
+    launch(descend_kernel, codes, THREADS, maps, weights, target, backgrounds.contiguous(), chosen.contiguous(),
            Settings(**vars(how)), work, errors)
     return maps, weights, errors
 
@@ -100,7 +100,8 @@ def _drop(maps, weights, b, n, samples, k, size, masses):
 
 
 @cuda.jit
-def _pushforward(maps, weights, samples, size, shares, masses):
+def pushforward_kernel(maps, weights, samples, size, shares, masses):
+    """Share out the mapped samples of each code among its bins, by `shares` blocks."""
     b = cuda.blockIdx.x // shares
     count = samples.shape[0]
     first = (cuda.blockIdx.x - b * shares) * THREADS + cuda.threadIdx.x
@@ -250,7 +251,8 @@ def _advance(maps, weights, b, n, k, by_weight, by_volume, target, how, work):
 
 
 @cuda.jit
-def _descend(maps, weights, target, backgrounds, chosen, how, work, errors):
+def descend_kernel(maps, weights, target, backgrounds, chosen, how, work, errors):
+    """All steps of a descent, and the errors after the last."""
     samples, roots, size, grids = target.samples, target.roots, target.size, target.grids
     floor, known = float32(target.floor), target.known
     masses, bins, slopes, gradients = work.masses, work.bins, work.slopes, work.gradients

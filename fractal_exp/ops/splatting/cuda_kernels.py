@@ -68,7 +68,7 @@ def sort(points: Tensor, grid: Grid) -> tuple[Tensor, Tensor, Tensor]:
     """
     tiles = len(points) * grid.across**2
     keys = points.new_empty(points.shape[0] * points.shape[1], dtype=torch.int32)
-    launch(_assign, blocks_of(len(keys), BLOCK), BLOCK, points, grid.side, grid.across, grid.reach, keys)
+    launch(assign_kernel, blocks_of(len(keys), BLOCK), BLOCK, points, grid.side, grid.across, grid.reach, keys)
     keys, order = torch.sort(keys, stable=True)
     starts = torch.searchsorted(keys, torch.arange(tiles + 1, dtype=torch.int32, device=keys.device))
     return points.view(-1, 2)[order], order, starts
@@ -82,14 +82,14 @@ def transmittance(seated: Tensor, starts: Tensor, grid: Grid) -> Tensor:
     chunk = CHUNK * max(1, neighbours // 9)
     more = neighbours * len(seated) // chunk
     shares = starts.new_empty(tiles + 1)
-    launch(_share_out, blocks_of(tiles, BLOCK), BLOCK, starts, grid.across, around, chunk, shares)
+    launch(share_out_kernel, blocks_of(tiles, BLOCK), BLOCK, starts, grid.across, around, chunk, shares)
     firsts = shares.cumsum(0)
     out = seated.new_empty(tiles // grid.across**2, grid.side, grid.side)
     partial = seated.new_empty(max(more, 1), TILE, TILE)
-    launch(_multiply, tiles + more, SPLITS * GROUP, seated, starts, firsts, grid.across, around, chunk, grid.reach,
-           -0.5 / grid.sigma**2, out, partial)
+    launch(multiply_kernel, tiles + more, SPLITS * GROUP, seated, starts, firsts, grid.across, around, chunk,
+           grid.reach, -0.5 / grid.sigma**2, out, partial)
     if more:
-        launch(_combine, more, TILE * TILE, firsts, grid.across, partial, out)
+        launch(combine_kernel, more, TILE * TILE, firsts, grid.across, partial, out)
     return out
 
 
@@ -97,7 +97,7 @@ def downsample(transmittance: Tensor, grid: Grid) -> Tensor:
     """The image (B,R,R) from the transmittance (B,S,S)."""
     resolution = grid.side // grid.cell
     image = transmittance.new_empty(len(transmittance), resolution, resolution)
-    launch(_downsample, blocks_of(image.numel(), BLOCK), BLOCK, transmittance, grid.cell, image)
+    launch(downsample_kernel, blocks_of(image.numel(), BLOCK), BLOCK, transmittance, grid.cell, image)
     return image
 
 
@@ -105,13 +105,14 @@ def backward(seated: Tensor, order: Tensor, starts: Tensor, transmittance: Tenso
              grid: Grid) -> Tensor:
     """The gradient of the points (B,P,2) from that of the images (B,R,R)."""
     grad = torch.empty_like(seated)
-    launch(_gather, blocks_of(len(order), BLOCK // LANES), BLOCK, seated, order, starts, transmittance, grad_image,
-           grid.cell, grid.reach, -0.5 / grid.sigma**2, grad)
+    launch(gather_kernel, blocks_of(len(order), BLOCK // LANES), BLOCK, seated, order, starts, transmittance,
+           grad_image, grid.cell, grid.reach, -0.5 / grid.sigma**2, grad)
     return grad.view(len(transmittance), -1, 2)
 
 
 @cuda.jit
-def _assign(points, side, across, reach, keys):
+def assign_kernel(points, side, across, reach, keys):
+    """Into keys, the tile of each point, counted over all codes; the number of tiles if it reaches no pixel."""
     n = cuda.grid(1)
     if n >= keys.size:
         return
@@ -127,7 +128,7 @@ def _assign(points, side, across, reach, keys):
 
 
 @cuda.jit
-def _share_out(starts, across, around, chunk, shares):
+def share_out_kernel(starts, across, around, chunk, shares):
     """Into shares[t + 1], how many blocks go through the points around tile t."""
     tile = cuda.grid(1)
     if tile == 0:
@@ -156,7 +157,8 @@ def _last_at_most(firsts, skipped, number):
 
 
 @cuda.jit(fastmath=True)
-def _multiply(seated, starts, firsts, across, around, chunk, reach, exponent, transmittance, partial):
+def multiply_kernel(seated, starts, firsts, across, around, chunk, reach, exponent, transmittance, partial):
+    """The product of a tile over a share of the points around it: the first share's into transmittance."""
     side = transmittance.shape[1]
     place = cuda.shared.array((BATCH, 2), float64)             # of every point of a batch, in pixels of the tile
     near = cuda.shared.array(BATCH, int32)                     # whether it reaches the tile
@@ -217,7 +219,7 @@ def _multiply(seated, starts, firsts, across, around, chunk, reach, exponent, tr
 
 
 @cuda.jit
-def _combine(firsts, across, partial, transmittance):
+def combine_kernel(firsts, across, partial, transmittance):
     """Multiply the products of a tile's further blocks into that of its first, in their order."""
     number = int64(cuda.blockIdx.x)  # of a further block, counting those of all tiles
     tiles = firsts.size - 1
@@ -244,7 +246,8 @@ def _passing(alpha):
 
 
 @cuda.jit
-def _downsample(transmittance, cell, image):
+def downsample_kernel(transmittance, cell, image):
+    """Into image, the mean opacity of each cell."""
     n = cuda.grid(1)
     if n >= image.size:
         return
@@ -260,7 +263,8 @@ def _downsample(transmittance, cell, image):
 
 
 @cuda.jit(fastmath=True)
-def _gather(seated, order, starts, transmittance, grad_image, cell, reach, exponent, grad):
+def gather_kernel(seated, order, starts, transmittance, grad_image, cell, reach, exponent, grad):
+    """Into grad, the gradient of each point, from the pixels around it."""
     partial = cuda.shared.array((2, BLOCK), float32)
     side = transmittance.shape[1]
     thread = cuda.threadIdx.x

@@ -30,12 +30,12 @@ SECONDS = 20  # of a search
 def compared(path: Path, maps: int) -> dict[str, Any]:
     """The figures of one number of maps."""
     found = invert(path, maps=maps, seconds=SECONDS)
-    sample = fitting._sampled(found.code, Painted.of(found.target), 0)
+    sample = fitting.sampled(found.code, Painted.of(found.target), 0)
     assert sample is not None, "the drawing and its code share pixels"
     began = time.process_time()
-    alike = min((fitting._alike(sample, blend) for blend in fitting.ALIKE), key=lambda fit: fit.cost)
+    alike = min((fitting.alike(sample, blend) for blend in fitting.ALIKE), key=lambda fit: fit.cost)
     half = time.process_time()
-    each = fitting._improved(sample, alike.x)
+    each = fitting.improved(sample, alike.x)
     return {"maps": len(found.code), "error, one blend": 2 * alike.cost, "error, a blend each": 2 * each.cost,
             "seconds, one blend": half - began, "seconds more, a blend each": time.process_time() - half}
 

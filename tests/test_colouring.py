@@ -10,7 +10,7 @@ from PIL import Image, ImageDraw
 
 from fractal_exp import IFS, Colours, InputError, codes, invert, render
 from fractal_exp.colouring import colour_error, fitted, fitting, in_colours
-from fractal_exp.colouring.fitting import _sampled
+from fractal_exp.colouring.fitting import sampled
 from fractal_exp.ifs import affine, attractor
 from fractal_exp.images import read_target
 from fractal_exp.images.painted import Painted
@@ -61,14 +61,14 @@ def test_sixteen_maps_have_the_colours_of_four(drawn):
     words = replace(affine.to_code(affine.compositions(affine.from_code(FERN), affine.from_code(FERN))),
                     probabilities=torch.outer(FERN.probabilities, FERN.probabilities).flatten(), meta={})
     seen = painted(drawn)
-    sample = _sampled(words, seen, 0)
-    alike = min(fitting._alike(sample, blend).cost for blend in fitting.ALIKE)
-    assert fitting._improved(sample, fitting._alike(sample, 0.55).x).cost < alike / 10
+    sample = sampled(words, seen, 0)
+    alike = min(fitting.alike(sample, blend).cost for blend in fitting.ALIKE)
+    assert fitting.improved(sample, fitting.alike(sample, 0.55).x).cost < alike / 10
     assert colour_error(fitted(words, seen), seen) < 2
 
 
 def test_the_derivatives_are_those_of_differences(drawn):
-    sample = _sampled(FERN, painted(drawn), 0)
+    sample = sampled(FERN, painted(drawn), 0)
     rgb, blends = TRUE.rgb.double().numpy(), TRUE.blends.double().numpy()
     weights, slopes = sample.walked(rgb, blends)
     assert np.abs(weights.sum(1) - 1).max() < 1e-9  # a mean of the maps' colours

@@ -35,7 +35,7 @@ ENOUGH = 1e-3                 # relative change of the error or of the parameter
 
 
 @dataclass(frozen=True, eq=False)
-class _Sample:
+class Sample:
     """Steps of chaos games and the pixels (P,) that their points fell into, with what the picture shows there."""
 
     letters: np.ndarray
@@ -61,18 +61,19 @@ def fitted(code: IFS, painted: Painted, seed: int = 0) -> IFS | None:
     Returns None if code and picture share fewer than 16 lit pixels. The same seed gives the same colours. Raises
     `InputError` if the code is not contractive.
     """
-    sample = _sampled(code, painted, seed)
+    sample = sampled(code, painted, seed)
     if sample is None:
         return None
-    start = min((_alike(sample, blend) for blend in ALIKE), key=lambda start: start.cost)
-    best = _improved(sample, start.x)
+    start = min((alike(sample, blend) for blend in ALIKE), key=lambda start: start.cost)
+    best = improved(sample, start.x)
     rgb, blends = _parts(best.x)
     ground = "#" + bytes(np.rint(255 * painted.ground.clip(0, 1)).astype(np.uint8)).hex()
     return replace(code, meta={**code.meta, "ground": ground},
                    colours=Colours(torch.from_numpy(rgb.clip(0, 1)), torch.from_numpy(blends.clip(LEAST_BLEND, 1))))
 
 
-def _sampled(code: IFS, painted: Painted, seed: int) -> _Sample | None:
+def sampled(code: IFS, painted: Painted, seed: int) -> Sample | None:
+    """Points of the chaos game in the lit pixels of a picture; None if they share too few."""
     random = np.random.default_rng(derive(seed, "colours"))
     probabilities = code.sampling_probabilities().cpu().double().numpy()
     probabilities /= probabilities.sum()
@@ -97,10 +98,10 @@ def _sampled(code: IFS, painted: Painted, seed: int) -> _Sample | None:
     again = np.append(np.where(hit, np.cumsum(hit) - 1, -1), -1).astype(np.int32)  # the last for -1
     cover = painted.cover.ravel()[lit[hit]].astype(np.float64)
     seen = painted.seen.reshape(-1, 3)[lit[hit]] - (1 - cover[:, None]) * painted.ground
-    return _Sample(letters, again[pixels], counts[hit], cover, seen, probabilities)
+    return Sample(letters, again[pixels], counts[hit], cover, seen, probabilities)
 
 
-def _alike(sample: _Sample, blend: float) -> OptimizeResult:
+def alike(sample: Sample, blend: float) -> OptimizeResult:
     """The best colours if all maps have one blend: `x` (4N,) holds them and the blends, `cost` is half the squared
     error."""
     maps = len(sample.probabilities)
@@ -113,7 +114,7 @@ def _alike(sample: _Sample, blend: float) -> OptimizeResult:
     return OptimizeResult(x=np.concatenate([rgb.ravel(), blends]), cost=cost)
 
 
-def _improved(sample: _Sample, start: np.ndarray) -> OptimizeResult:
+def improved(sample: Sample, start: np.ndarray) -> OptimizeResult:
     """Colours and blends improved together from x (4N,) on."""
     maps = len(sample.probabilities)
     last: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}

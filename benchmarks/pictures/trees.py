@@ -57,11 +57,15 @@ class Tree:
         """"tuning" or "reporting"."""
         return "tuning" if self.tuning else "reporting"
 
+    def steps(self) -> list[np.ndarray]:
+        """The strokes (S,2,2) of each step, from their start to their end; the trunk is the first step."""
+        return [np.concatenate(step) for step in zip(
+            *(orbit(similarities(*self.copies), _points(*segment), self.depth) for segment in self.trunk), strict=True)]
+
     def draw(self, name: str, seed: int = 0) -> Drawn:
         """The picture, before it is saved as JPEG."""
         rng = np.random.default_rng([zlib.crc32(name.encode()), seed])
-        steps = [np.concatenate(step) for step in zip(
-            *(orbit(similarities(*self.copies), _points(*segment), self.depth) for segment in self.trunk), strict=True)]
+        steps = self.steps()
         widths = [np.full(len(step), max(1.0, self.width * self.thinning**k)) for k, step in enumerate(steps)]
         lines = np.concatenate(steps)
         on = page(rng, lines.reshape(-1, 2), self.ink)

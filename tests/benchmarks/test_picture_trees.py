@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from benchmarks.pictures import trees
-from benchmarks.pictures.figures import orbit, similarities
 from benchmarks.pictures.sets import SETS
 from fractal_exp import IFS
 from fractal_exp.ifs import attractor
@@ -56,8 +55,7 @@ def _written(axiom, rules, steps, angle):
 def test_plants_are_those_of_their_grammar(name, rule, angle):
     tree = trees.trees()[name]
     written = _written("X", {"X": rule, "F": "FF"}, tree.depth + 1, angle) / 2**tree.depth
-    lines = np.concatenate([np.concatenate(orbit(similarities(*tree.copies), trees._points(*part), tree.depth))
-                            for part in tree.trunk]) @ [1, 1j]
+    lines = np.concatenate(tree.steps()) @ [1, 1j]
     assert np.abs(lines[:, 1] - lines[:, 0]).sum() == pytest.approx(np.abs(written[:, 1] - written[:, 0]).sum())
     for part in (np.real, np.imag):
         assert (part(lines).min(), part(lines).max()) == pytest.approx((part(written).min(), part(written).max()))

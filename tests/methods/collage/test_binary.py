@@ -147,7 +147,7 @@ def test_rounds_on_a_binary_image_are_compared_by_the_framed_score(pulled):
         stage.search.noise_ratio = lambda now: 1.1 if now.score in near else 10.0
         exact, other = (replace(stage.search.judged(tied(maps)), score=score)
                         for maps, score in ((right, 2.0), (wrong, 1.0)))
-        return stage._is_better(exact, other), stage._is_better(other, exact)
+        return stage.is_better(exact, other), stage.is_better(other, exact)
 
     assert is_better(PARAMS.frame.firm) == (True, False) and is_better(()) == (False, True)
     for near in (1.0, 2.0):

@@ -226,8 +226,8 @@ def test_rounds_with_different_cameras_are_compared_by_angles():
     maps = affine.from_code(GASKET)
     pen = Candidate(maps, None, 2.0, 2.0, pen_camera(0.0, 0.01, 0.01))
     dots = [Candidate(maps, None, error, error, dot_camera(0.25, 0.01)) for error in (31.0, 33.0)]
-    assert [moves._is_better(each, pen) for each in dots] == [True, False]
-    assert [moves._is_better(pen, each) for each in dots] == [False, True]
+    assert [moves.is_better(each, pen) for each in dots] == [True, False]
+    assert [moves.is_better(pen, each) for each in dots] == [False, True]
 
 
 def test_a_picture_of_polygons_gives_the_textbook_code():

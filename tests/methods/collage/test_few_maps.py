@@ -50,7 +50,7 @@ def test_a_simpler_code_must_draw_the_shape_and_be_worth_its_error(likeness, err
 
     tried, pen = Alike(stage(cantor_set()).problem), Camera("coverage", tile=0.0, pen=0.01, blur=0.0)
     few, many = Candidate(THIRDS, None, error, error, pen), Candidate(MANY, None, 1.0, 1.0, pen)
-    assert len(MANY) == 6 and tried._is_simpler(few, many) is is_simpler
-    assert not tried._is_simpler(many, few)
+    assert len(MANY) == 6 and tried.is_simpler(few, many) is is_simpler
+    assert not tried.is_simpler(many, few)
     for other in pen_camera(0.1, 0.01, 0.0), Camera("strokes", depth=5.0, thinning=0.0, pen=0.01, blur=0.0):
-        assert not tried._is_simpler(replace(few, camera=other), many), "tiles and strokes have limits of their own"
+        assert not tried.is_simpler(replace(few, camera=other), many), "tiles and strokes have limits of their own"

@@ -120,12 +120,15 @@ def test_a_photograph_ends_the_search_and_a_density_of_others_does_not(fern_dots
         some = stage(image, growth={"steps": 100, "counts": (8,), "usual": 64})
         sketch, promise = (kind(some.problem) for kind in (Sketch, Promise))
         assert Sketch.may_help(some.problem)
-        state = Pipeline(plan_of(some.problem), State(), on_move=lambda *_: None, on_stage=lambda *_: None)
-        state._stage(sketch)
-        assert state.state.best is None and state.state.result is not None, "a code from the start"
-        state.state = replace(state.state, best=found)
-        state._stage(promise)
-        assert state.state.is_outgrown is ends
+        plan = plan_of(some.problem)
+        plan.rounds, plan.last = [[sketch]], []
+        begun = Pipeline(plan, State(), on_move=lambda *_: None, on_stage=lambda *_: None)
+        begun.run()
+        assert begun.state.best is None and begun.state.result is not None, "a code from the start"
+        plan.rounds, plan.last = [], [promise]
+        searched = Pipeline(plan, replace(begun.state, best=found), on_move=lambda *_: None, on_stage=lambda *_: None)
+        searched.run()
+        assert searched.state.is_outgrown is ends
 
 
 @pytest.mark.parametrize(("few", "many", "gain", "worth"), [(2, 64, 0.09, False), (2, 64, 0.11, True),

@@ -272,8 +272,8 @@ def test_dots_and_pens_are_compared_by_their_angles():
     pen, dots = (judged(image, *each) for each in (("coverage", pen_camera(0.0, 0.75 * PIXEL, 0.0)),
                                                     ("dots", dot_camera(0.08, 0.5 * PIXEL))))
     shown, other = pen.judge(affine.from_code(tree())), dots.judge(affine.from_code(tree()))
-    assert stage._error(pen, shown) == pytest.approx(shown.error)
-    assert stage._error(dots, other) == pytest.approx(other.error / 16)
+    assert stage.pen_error(pen, shown) == pytest.approx(shown.error)
+    assert stage.pen_error(dots, other) == pytest.approx(other.error / 16)
 
 
 def test_no_tiles_are_sought_with_a_known_pen():

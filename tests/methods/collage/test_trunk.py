@@ -1,5 +1,7 @@
 """The trunk of a tree: what the copies of the whole leave over of a picture becomes strokes, drawn with a round pen."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -156,9 +158,9 @@ def test_known_widths_are_scaled_with_the_image():
 def test_strokes_must_draw_the_picture_well(ratio, explained):
     image = drawing(6)
     tried = stage(image)
-    tried.open(State(best=Candidate(affine.from_code(tree()), None, 1.0, 1.0)))
+    state = tried.open(State(best=Candidate(affine.from_code(tree()), None, 1.0, 1.0)))
     found = Candidate(affine.from_code(tree(ratio)), None, 1.0, 1.0, stroke_camera(6.0, 0.0, 0.8 * PIXEL, 0.35 * PIXEL))
-    assert tried._is_explained(found) is explained
+    assert ("explain the picture" in tried.close(replace(state, current=found)).stopped) is explained
 
 
 def test_a_trunk_does_not_exceed_the_maps_that_are_asked_for():

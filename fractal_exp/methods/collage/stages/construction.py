@@ -111,7 +111,7 @@ class Construction(Stage):
             return now
         best = self._candidate(*in_turns(*seen[0], self.deadline))
         is_construction = best.error < self._error_to_beat(now) and self._is_explained(best)
-        return best if is_construction or self._is_simpler(best, now) else now
+        return best if is_construction or self.is_simpler(best, now) else now
 
     def _as_strokes(self, few: Rendered) -> list[Fit]:
         """The copies of a code with a trunk of several strokes or of one, polished as strokes, the best first. A small
@@ -195,7 +195,7 @@ class Construction(Stage):
             return self._likeness_of_drawing(found) >= DRAWN_ALIKE
         return self._likeness_of_drawing(found) >= ALIKE and self.likeness(found) >= UNLIKE
 
-    def _is_simpler(self, found: Candidate, now: Candidate) -> bool:
+    def is_simpler(self, found: Candidate, now: Candidate) -> bool:
         """Whether a code draws the picture with a pen, with so few maps that it is the better code."""
         price = Price(share=self.params.moves.worth)
         has_pen = found.camera is not None and found.camera.tile == 0
@@ -219,10 +219,10 @@ class Construction(Stage):
         return objective.judge(found.maps, found.weights), objective
 
     def _candidate(self, objective: ImageObjective, shown: Rendered) -> Candidate:
-        error = self._error(objective, shown)
+        error = self.pen_error(objective, shown)
         return Candidate(shown.maps, shown.weights, error, error, objective.levels.camera)
 
-    def _error(self, objective: ImageObjective, shown: Rendered) -> float:
+    def pen_error(self, objective: ImageObjective, shown: Rendered) -> float:
         """The error by which pens, tiles, strokes and dots are compared: that of a pen for the same angle."""
         return 2 * self.problem.levels.supersample**2 * objective.angle(shown.error) ** 2
 

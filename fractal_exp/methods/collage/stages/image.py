@@ -110,7 +110,7 @@ class ImageMoves(Stage):
             self.search = problem.image_search(state.now.code, problem.times.part_end(self.round), "finish",
                                                self.round, measured_through=self.measured_through)
         found, before = self._finished(state.now), state.before and self._judged_again(state.before)
-        best = found if before is None or self._is_better(found, before) else before
+        best = found if before is None or self.is_better(found, before) else before
         if self.round + 1 < problem.rounds and self._is_wrong(best):
             mended = self._mended(best)
             if mended is None:
@@ -126,9 +126,10 @@ class ImageMoves(Stage):
         """The best of earlier rounds. It is judged again if the image is reduced, as it was judged by a smaller one."""
         return self.search.judged(before) if self.problem.is_reduced else before
 
-    def _is_better(self, found: Candidate, before: Candidate) -> bool:
-        """By the framed score in a binary image, unless one of the codes is nearly right. Else by the errors as angles:
-        an error counts subpixels, of which cameras have different numbers."""
+    def is_better(self, found: Candidate, before: Candidate) -> bool:
+        """Whether a code is better than that of an earlier round: by the framed score in a binary image, unless one of
+        the codes is nearly right. Else by the errors as angles: an error counts subpixels, of which cameras have
+        different numbers."""
         if self.problem.is_framed_firmly and not any(
                 self.search.noise_ratio(each) < FIRM_ABOVE for each in (found, before)):
             return self.search.framed_score(found) < self.search.framed_score(before)

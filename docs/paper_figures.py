@@ -68,10 +68,10 @@ def closer() -> None:
             fit = kept[method, sample]
             shown = (enlarged(SuperResolution().reconstruct(suite.target(truth, 256)), views[sample])
                      if fit["code"] is None else
-                     _pair(attractor.normalize(code_of(fit)), views[sample]))
+                     pair(attractor.normalize(code_of(fit)), views[sample]))
             pairs.append(Pair(shown, ""))
         rows.append((title, pairs))
-    rows.append(("truth", [Pair(_pair(truth, views[sample]), "") for sample, truth in truths.items()]))
+    rows.append(("truth", [Pair(pair(truth, views[sample]), "") for sample, truth in truths.items()]))
     save(IMAGES / "comparisons.png", drawn(f"Whole, and {CLOSER} times closer", list(truths), rows, SIDE), GREYS)
 
 
@@ -96,7 +96,7 @@ def sierpinski() -> None:
                    key=lambda fit: fit["scores"]["f1"])
         columns[f"{count} maps, {best['sample']}, F1 {best['scores']['f1']:.3f}"] = attractor.normalize(code_of(best))
     view = View(rich_point(truth, end_zoom=SIERPINSKI_CLOSER), SIERPINSKI_CLOSER)
-    pairs = [Pair(_pair(code, view, 160), "") for code in columns.values()]
+    pairs = [Pair(pair(code, view, 160), "") for code in columns.values()]
     save(IMAGES / "sierpinski.png", drawn(f"Whole, and {SIERPINSKI_CLOSER} times closer", list(columns), [("", pairs)],
                                           160), GREYS)
 
@@ -146,7 +146,7 @@ def convergence() -> None:
     save(IMAGES / "convergence.png", np.asarray(Image.open(buffer).convert("RGB")), 96)
 
 
-def _pair(code: IFS, view: View, side: int = SIDE) -> tuple[Image.Image, ...]:
+def pair(code: IFS, view: View, side: int = SIDE) -> tuple[Image.Image, ...]:
     """A code whole and in a view, marked where it does not hold the full number of points."""
     pictures = []
     for each in (View(), view):

@@ -124,7 +124,7 @@ def _bands(code: IFS, view: View, size: tuple[int, int], options: argparse.Names
         small, _ = render_with_info(code, view, resolution=(height, width), mode=mode)
         if toned:
             exposure = toned.exposure(toned.softened(small))
-            rows = (toned.shown(each, exposure) for each in _softened(rows, toned))
+            rows = (toned.shown(each, exposure) for each in softened_bands(rows, toned))
         else:
             white = white_level(small)
             rows = (tone_map(each, white) for each in rows)
@@ -147,7 +147,7 @@ def _rows(code: IFS, view: View, size: tuple[int, int], options: argparse.Namesp
             yield torch.from_numpy(band[:size[0] - tile.row, :size[1]])
 
 
-def _softened(bands: Iterable[torch.Tensor], toned: Toned) -> Iterator[torch.Tensor]:
+def softened_bands(bands: Iterable[torch.Tensor], toned: Toned) -> Iterator[torch.Tensor]:
     """Bands of rows, softened as the whole image would be: each with the rows beside it."""
     above = held = torch.empty(0, 0)
     for band in bands:

@@ -15,10 +15,10 @@ CARPET = attractor.normalize(codes.known("sierpinski_carpet"))
 
 def test_only_a_view_without_all_its_points_is_marked():
     corner, hole = View((.74, .74), 64), View((0, 0), 64)
-    whole, near = paper_figures._pair(CARPET, corner, 24)
+    whole, near = paper_figures.pair(CARPET, corner, 24)
     for picture, view in ((whole, View()), (near, corner)):
         assert np.array_equal(picture, picture_of(render(CARPET, view, resolution=48)))
-    _, empty = paper_figures._pair(CARPET, hole, 24)
+    _, empty = paper_figures.pair(CARPET, hole, 24)
     assert set(np.unique(empty)) == {0, paper_figures.MARK}
 
 

@@ -188,7 +188,7 @@ def drawn_in_tiles(code, mode, size, path) -> np.ndarray:
 def test_a_still_of_several_tiles_has_no_seams(tmp_path, size, shape):
     density = render(FERN, resolution=90, mode="density")
     for height in (1, 40, 90):
-        bands = torch.cat(list(drawing._softened(iter(density.split(height)), Toned(Tone(0.3)))))
+        bands = torch.cat(list(drawing.softened_bands(iter(density.split(height)), Toned(Tone(0.3)))))
         assert torch.equal(bands, softened(density))
     tiled = drawn_in_tiles(TONED, "tone", size, tmp_path / "a.png")
     assert np.abs(tiled - render(TONED, resolution=shape, mode="tone").numpy()).max() < 0.1

@@ -280,7 +280,7 @@ class Alternating(GradientDescent):
         self.reset_moments()
         return Step(step.raw, step.loss, step.terms, accepted=accepted / self.candidates)
 
-    def _draws(self, iteration: int) -> tuple[list[Move], list[int]]:
+    def draws(self, iteration: int) -> tuple[list[Move], list[int]]:
         """The moves of a phase, and the seeds of the rendering of the current state and of each candidate's."""
         random = generator(self.seed, "annealing", iteration)
         moves = [self.annealing.draw(self.raw, random) for _ in range(self.candidates)]
@@ -300,7 +300,7 @@ class Alternating(GradientDescent):
     @torch.no_grad()
     def _anneal(self, problem: FitProblem, iteration: int, temperature: float, step: Step) -> int:
         """A phase after `step`; how many candidates were accepted."""
-        moves, seeds = self._draws(iteration)
+        moves, seeds = self.draws(iteration)
         energy, tried, accepted, together = self._current_energy(problem, iteration, step, seeds[0]), 0, 0, 1
         while tried < self.candidates:
             ahead = moves[tried:tried + together]

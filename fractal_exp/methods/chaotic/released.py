@@ -54,7 +54,7 @@ class FixedCentre(Alternating):
 
     @torch.no_grad()
     def _anneal(self, problem: FitProblem, iteration: int, temperature: float, step: Step) -> int:
-        moves, seeds = self._draws(iteration)
+        moves, seeds = self.draws(iteration)
         noise = {name: torch.stack([move.noise[name] for move in moves]) for name in self.raw}
         proposed = self.annealing.propose(self.raw, problem.parameterization, temperature, noise)
         energy, accepted = self._current_energy(problem, iteration, step, seeds[0]), []

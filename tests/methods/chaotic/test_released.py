@@ -110,7 +110,7 @@ def test_the_candidate_accepted_last_wins_of_those_about_one_centre(together):
     assert seed == derive(3, "gradient", 0), "with the points of the gradient: the same image"
     proposed = {name: torch.cat([raw[name] for raw, _ in candidates]) for name in start}
     assert all(torch.equal(optimizer.raw[name], proposed[name][2]) for name in start)
-    moves, _ = optimizer._draws(0)
+    moves, _ = optimizer.draws(0)
     centres = [there - .2 * move.noise["offset"] for there, move in zip(proposed["offset"], moves, strict=True)]
     torch.testing.assert_close(torch.stack(centres), centres[0].expand(4, 2, 2))
     assert len({int(number) for _, seeds in candidates for number in seeds}) == 4, "new points for every image"

@@ -63,22 +63,14 @@ def invert(image: str | Path | np.ndarray | Tensor | ReadImage, /, *, method: st
     stopped. Raises `InputError`, before any work, if the image is unusable, the method or an option is unknown, or a
     value is out of range.
     """
-    from .images.levels import decided
     from .images.painted import Painted
-    from .images.reading import ReadImage, read_target
     from .inversion import coloured, run
     from .inversion.road import INTERRUPTED
 
     _check(progress, on_step, colour)
     _known(method, options | {"seconds": seconds, "seed": seed})
-    reading: dict[str, Any] = {"frame": frame, "invert": invert, "threshold": threshold, "clean": clean, "crop": crop}
-    if isinstance(image, ReadImage):
-        target, reading = image if levels == "auto" else replace(image, levels=decided(levels, image.image)), {}
-    else:
-        if levels == "linear" and not isinstance(image, str | Path):
-            image, reading["clean"] = _scaled(image), False  # its levels are numbers; there is no paper to clean
-        target = read_target(image, resolution, levels=levels, **reading)
-        reading["crop"] = target.crop  # plain numbers, whatever the sequence was
+    target, reading = _read(image, resolution, levels, {"frame": frame, "invert": invert, "threshold": threshold,
+                                                        "clean": clean, "crop": crop})
     works = built(target, method, seed=seed, seconds=seconds, **options)
     painted = Painted.of(target) if colour else None
     used = {"seed": seed, "seconds": seconds, **{key: value for key, value in reading.items() if value is not None},
@@ -101,6 +93,20 @@ def built(target: ReadImage, method: str = "collage", *, seed: int = 0, seconds:
     before any work."""
     build = _known(method, options | {"seconds": seconds, "seed": seed})
     return build(resolution=target.image.shape[-1], seed=seed, seconds=seconds, **options)
+
+
+def _read(image: str | Path | np.ndarray | Tensor | ReadImage, resolution: int, levels: Levels,
+          options: dict[str, Any]) -> tuple[ReadImage, dict[str, Any]]:
+    """The target, and the options of `read_target` with which it was read; none if it was read before."""
+    from .images.levels import decided
+    from .images.reading import ReadImage, read_target
+
+    if isinstance(image, ReadImage):
+        return (image if levels == "auto" else replace(image, levels=decided(levels, image.image))), {}
+    if levels == "linear" and not isinstance(image, str | Path):
+        image, options = _scaled(image), {**options, "clean": False}  # its levels are numbers; there is no paper
+    target = read_target(image, resolution, levels=levels, **options)
+    return target, {**options, "crop": target.crop}  # plain numbers, whatever the sequence was
 
 
 def _scaled(counts: np.ndarray | Tensor) -> np.ndarray:

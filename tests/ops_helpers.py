@@ -59,7 +59,7 @@ def check_pushforward_gradients(backend: str, **problem: int) -> None:
     present = weights > 0
     for ours, twin in zip(*found, strict=True):
         torch.testing.assert_close(ours[present], twin[present], atol=1e-5, rtol=1e-4)
-        assert not bool(ours[~present].any())
+        assert not bool(ours[~present].any()), "an absent map has a gradient"
 
 
 def check_descent(backend: str, how: Descent, device: str = "cpu", astray: float = 0, **problem: float) -> None:
@@ -71,10 +71,11 @@ def check_descent(backend: str, how: Descent, device: str = "cpu", astray: float
     ours, twin = (descend(maps.to(device), weights.to(device), measure, how, backgrounds=backgrounds.to(device),
                           chosen=chosen.to(device), backend=b) for b in (backend, "torch"))
     for a, b in zip(ours[:2], twin[:2], strict=True):
-        assert float((~torch.isclose(a, b, atol=1e-5, rtol=1e-5)).float().mean()) <= astray
+        differing = float((~torch.isclose(a, b, atol=1e-5, rtol=1e-5)).float().mean())
+        assert differing <= astray, f"{differing:.3g} of the numbers differ from the twin's, at most {astray} may"
         torch.testing.assert_close(a, b, atol=1e-5 + how.steps * how.rate, rtol=0)
     torch.testing.assert_close(ours[2], twin[2], atol=1e-5, rtol=1e-4 if astray else 1e-5)
-    assert len(maps[0]) == 1 or torch.equal(ours[0][1, -1].cpu(), maps[1, -1])
+    assert len(maps[0]) == 1 or torch.equal(ours[0][1, -1].cpu(), maps[1, -1]), "an absent map moves"
 
 
 def random_code(*batch: int, maps: int, dtype: torch.dtype = torch.float32, seed: int = 0) -> tuple[Tensor, Tensor]:

@@ -120,11 +120,13 @@ def make_records(folder):
     Outcome("finished", "full", "7", 12.5, SCORES).write(folder / "fit")
 
 
-def read_code(path, name=None):
+def read_code(path, name=None):  # what is wrong must be said: this runs where pytest explains no assert
     code = IFS.load(path, name)
-    assert torch.isfinite(code.linear).all() and torch.isfinite(code.offset).all()
-    assert code.contraction.kind in ("norm", "average") and isinstance(code.meta, dict)
-    assert float(code.sampling_probabilities().sum()) == pytest.approx(1, abs=2e-3)
+    assert torch.isfinite(code.linear).all() and torch.isfinite(code.offset).all(), "a map of a code is not finite"
+    assert code.contraction.kind in ("norm", "average"), f"a code that is read contracts by {code.contraction.kind}"
+    assert isinstance(code.meta, dict), f"the notes of a code are {code.meta!r}"
+    total = float(code.sampling_probabilities().sum())
+    assert total == pytest.approx(1, abs=2e-3), f"the probabilities of a code sum to {total}"
 
 
 def read_every_code(path):
@@ -134,30 +136,34 @@ def read_every_code(path):
 
 def read_picture(path):
     image = read_target(path, 32).image
-    assert image.shape == (32, 32) and 0 <= float(image.min()) and float(image.max()) <= 1
+    assert image.shape == (32, 32), f"a target of 32² has the shape {tuple(image.shape)}"
+    low, high = float(image.min()), float(image.max())
+    assert 0 <= low and high <= 1, f"the levels of a target reach from {low} to {high}"
 
 
 def read_checkpoint(path):
     snapshot = Checkpoint(path, identity=IDENTITY, resume=True).load()
-    assert snapshot.iteration == SNAPSHOT.iteration and snapshot.numbers == SNAPSHOT.numbers
-    assert snapshot.tensors.keys() == SNAPSHOT.tensors.keys()
-    assert all(torch.equal(snapshot.tensors[name], tensor) for name, tensor in SNAPSHOT.tensors.items())
+    assert (snapshot.iteration, snapshot.numbers) == (SNAPSHOT.iteration, SNAPSHOT.numbers), "changed numbers are read"
+    assert snapshot.tensors.keys() == SNAPSHOT.tensors.keys(), f"the tensors that are read are {[*snapshot.tensors]}"
+    changed = [name for name, tensor in SNAPSHOT.tensors.items() if not torch.equal(snapshot.tensors[name], tensor)]
+    assert not changed, f"the changed tensors {changed} are read"
 
 
 def read_record(path):
     """A changed record of a finished fit may well give other scores, but scores; and so on."""
-    fit = FitFolder(path.parent)
+    fit, scores = FitFolder(path.parent), {}
     if path.name == "finished.json":
         scores = fit.finished_scores(IDENTITY)
-        assert isinstance(scores, dict)
-        assert all(type(value) in (int, float) for value in scores.values())
+        assert isinstance(scores, dict), f"the scores are {scores!r}"
     elif path.name == "run.json":
         fit.checkpoint.touch()
-        assert isinstance(fit.run_to_resume("sqlite:///mlflow.db"), str | None)
+        run = fit.run_to_resume("sqlite:///mlflow.db")
+        assert isinstance(run, str | None), f"the run to go on with is {run!r}"
     else:
         outcome = Outcome.read(path.parent)
-        assert all(type(value) in (int, float) for value in outcome.scores.values())
-        assert isinstance(outcome.row, str) and isinstance(outcome.status, str)
+        scores = outcome.scores
+        assert isinstance(outcome.row, str) and isinstance(outcome.status, str), f"row and status are in {outcome}"
+    assert all(type(value) in (int, float) for value in scores.values()), f"the scores are {scores}"
 
 
 KINDS = {"codes": (make_codes, read_code), "formats": (make_formats, read_every_code),
@@ -217,7 +223,7 @@ def attack(counts, folder):
                                             f"{process.exitcode}): the newest below {folder}")
         print(f"{kind}: {tried} tried, {refused} refused, {tried - len(failures)} clean, {more:.0f} MiB at most")
         assert not failures, f"{len(failures)} of {tried}: {failures[:20]}"
-        assert more < MEBIBYTES
+        assert more < MEBIBYTES, f"reading {kind} took {more:.0f} MiB more"
     process.join()
 
 

@@ -135,10 +135,11 @@ def hold_every_point(each: IFS):
     points, heights = random_points(each, 50_000, seed=1)[0], support_function(each)
     certain, (center, radius) = each.contraction.kind == NORM, bounding_disc(each)
     most = 0 if certain else 5
-    assert (np.linalg.norm(points - center, axis=1) > radius).sum() <= most
+    outside = (np.linalg.norm(points - center, axis=1) > radius).sum()
+    assert outside <= most, f"{outside} of 50 000 points lie outside the disc, at most {most} may"
     angle = np.arange(len(heights)) * (2 * np.pi / len(heights))
     beyond = points @ np.stack([np.cos(angle), np.sin(angle)]) > heights + 1e-9 * radius
-    assert beyond.any(1).sum() <= most
+    assert beyond.any(1).sum() <= most, f"{beyond.any(1).sum()} of 50 000 points lie beyond a support line"
 
 
 def test_the_bounds_of_takagis_curve_are_its_own():

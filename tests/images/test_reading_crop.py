@@ -31,8 +31,8 @@ def page() -> Image.Image:
 
 def assert_same_place(found, part, origin=CROP[:2], size=(600, 320)):
     """A reading of a crop equals that of the part alone, and lies at `origin` in the whole."""
-    assert torch.equal(found.image, part.image)
-    assert found.source_size == size and found.scale == part.scale and found.inverted == part.inverted
+    assert torch.equal(found.image, part.image), "the crop is read as another image than the part alone"
+    assert (found.source_size, found.scale, found.inverted) == (size, part.scale, part.inverted)
     np.testing.assert_allclose(found.crop_box, np.add(part.crop_box, [*origin, *origin]), atol=1e-9)
 
 

@@ -14,7 +14,8 @@ CANTOR = np.kron([1, 0, 1, 0, 0, 0, 1, 0, 1], np.ones(30))  # twice the middle t
 
 def assert_alike(found, expected, share=0.02):
     """Images that differ by little of what is lit."""
-    assert float((found - expected).abs().sum()) <= share * float(expected.sum())
+    difference = float((found - expected).abs().sum() / expected.sum())
+    assert difference <= share, f"the images differ by {difference:.3g} of what is lit, at most {share} may"
 
 
 def carpet(depth):

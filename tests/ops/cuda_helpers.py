@@ -65,7 +65,8 @@ def check_splat(points: Tensor, resolution: int, supersample: int, sigma_px: flo
     assert_close(image, true_image, "image", factor=2)
     assert_close(gradient + 1e-12, true_gradient + 1e-12, "gradient", factor=factor)
     with torch.no_grad():
-        assert torch.equal(image, splat(points.to(DEVICE), resolution, **options, backend="cuda"))
+        again = splat(points.to(DEVICE), resolution, **options, backend="cuda")
+    assert torch.equal(image, again), "an image is another one where no gradient is wanted"
 
 
 def check_histogram(view: View, bins: int, thrown: float) -> None:
@@ -73,15 +74,17 @@ def check_histogram(view: View, bins: int, thrown: float) -> None:
     code = attractor.normalize(codes.known("fern"))
     tree, window = address_tree(code), window_of(view, bins)
     canvas, kept = cuda_histogram.scatter(tree, window, thrown, seed=(1,), mode=COUNTED, device=DEVICE)
-    assert int(canvas.sum()) == kept
+    assert int(canvas.sum()) == kept, "all points that are counted as kept, and no others, lie on the canvas"
     many = histogram.planes(bins, bins, COUNTED)
     for seed in range(64):
         tree.scatter(window, thrown, seed=(seed,), canvas=many, mode=COUNTED)
     counts, expected = canvas.cpu().numpy().ravel(), many.sum(0).ravel()
-    assert abs(kept - expected.sum() / 64) < 4 * math.sqrt(expected.sum() / 64)
+    usual = expected.sum() / 64
+    assert abs(kept - usual) < 4 * math.sqrt(usual), f"{kept} points are kept where the CPU keeps {usual:.0f}"
     few = expected < 20 * 64
     table = np.array([[*counts[~few], counts[few].sum()], [*expected[~few], expected[few].sum()]])
-    assert stats.chi2_contingency(table[:, table.sum(0) > 0]).pvalue > 1e-3
+    chance = stats.chi2_contingency(table[:, table.sum(0) > 0]).pvalue
+    assert chance > 1e-3, f"points would differ so much from the CPU's by chance once in {1 / chance:.3g} times"
 
 
 def scatter(*shape: int, spread: float = 1.1, seed: int = 0) -> Tensor:

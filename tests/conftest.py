@@ -26,6 +26,13 @@ LONGEST = ("test_studio_session.py", "test_words.py", "test_in_chromium.py", "te
            "test_evaluate_fits.py")
 
 
+@pytest.fixture
+def folder(tmp_path, monkeypatch) -> Path:
+    """Where the test works."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
 @pytest.fixture(scope="session")
 def triangle():
     """The Sierpinski triangle's code in the frame, and its grey image of 128²."""

@@ -1,11 +1,13 @@
 """Colours, films and folders that nobody should give: each ends in a drawing or in one printable line of error."""
 
 import errno
+import io
 import json
 import os
 
 import numpy as np
 import pytest
+from commands import refusal, run_here
 from PIL import Image
 
 from fractal_exp import IFS, InputError, codes
@@ -20,27 +22,9 @@ CODE = {"format": "fractal-exp/ifs", "version": 1, "linear": [[[0.5, 0], [0, 0.5
 NUMBERS = ["NaN", "1e400", "-1e400", "-1", "2", '"0.5"', "null", "[1]", "true", "9" * 400]
 
 
-def refusal(command, capsys, *words):
-    """The line of error in which a command ended, or None if it did its work."""
-    capsys.readouterr()
-    try:
-        command.main(list(map(str, words)))
-    except SystemExit as end:
-        told = capsys.readouterr().err
-        assert end.code == 2 and told[:-1].isprintable() and len(told) < 2000, told[:2000]
-        return told
-    return None
-
-
-def ended(command, capsys, *words):
-    """Whether a command did its work; it may also end in one line of error."""
-    return refusal(command, capsys, *words) is None
-
-
 @pytest.fixture(autouse=True)
-def here(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "code.json").write_text(json.dumps(CODE))
+def here(folder):
+    (folder / "code.json").write_text(json.dumps(CODE))
 
 
 @pytest.mark.parametrize("place", ["[1, 0, 0]", "[0.5, 0.5]"])
@@ -53,11 +37,13 @@ def test_colours_that_are_none_are_refused(place, number, tmp_path):
         IFS.load(tmp_path / "wrong.json")
 
 
-def test_notes_about_colours_of_any_kind_do_not_hinder_a_drawing(tmp_path, capsys):
+def test_notes_about_colours_of_any_kind_do_not_hinder_a_drawing(tmp_path):
     for note in ("x", [], [1], [7, 0, 0], {"a": 1}, None, True, "\n", ["a", "b", "c"], [[1], 0, 0], float("nan")):
         (tmp_path / "noted.json").write_text(json.dumps(CODE | {"meta": {"ground": note, "background": note}}))
-        drawn = ended(render, capsys, "noted.json", "a.png", "--size", 16, "--points", 100)  # or one line of error
-        assert (tmp_path / "a.png").exists() == drawn
+        errors = io.StringIO()
+        status, _ = run_here(render, "noted.json", "a.png", "--size", "16", "--points", "100", errors=errors)
+        assert status == 0 or status == 2 and errors.getvalue()[:-1].isprintable(), errors.getvalue()[:2000]
+        assert (tmp_path / "a.png").exists() == (status == 0)
         (tmp_path / "a.png").unlink(missing_ok=True)
 
 
@@ -86,28 +72,28 @@ FILM = ["code.json", "film.gif", "--size", 16, "--points", 100]
     ["--fps", "nan"], ["--fps", "1e9"], ["--zoom", "nan"], ["--zoom", "0"], ["--zoom", "inf"], ["--zoom", "1e400"],
     ["--start-zoom", "nan"], ["--start-zoom", "0"], ["--center", "nan", "0"], ["--center", "1e400", "0"],
     ["--size", "0"], ["--size", "99999999"], ["--points", "nan"], ["--points", "0"], ["--supersample", "100000"]])
-def test_films_of_no_size_are_refused(words, capsys, tmp_path):
+def test_films_of_no_size_are_refused(words, tmp_path):
     length = [] if "--seconds" in words else ["--seconds", "0.1"]
-    assert not ended(render, capsys, *FILM, *length, *words)
+    refusal(render, *FILM, *length, *words)
     assert [path.name for path in tmp_path.iterdir()] == ["code.json"]
 
 
 @pytest.mark.parametrize("name", ["%04d%04d.png", "%99999999d.png", "code.json/%04d.png", "no/film.gif", "\0.gif"])
-def test_films_of_no_file_are_refused(name, capsys):
-    assert not ended(render, capsys, "code.json", name, *FILM[2:], "--seconds", "0.1")
+def test_films_of_no_file_are_refused(name):
+    refusal(render, "code.json", name, *FILM[2:], "--seconds", "0.1")
 
 
-@pytest.mark.parametrize("folder", ["code.json", "code.json/inner"])
-def test_a_file_where_a_folder_should_be_is_told_before_the_picture_is_read(folder, capsys):
-    assert "code.json is a file; name a folder" in refusal(invert, capsys, "none.png", "--output", folder)
+@pytest.mark.parametrize("name", ["code.json", "code.json/inner"])
+def test_a_file_where_a_folder_should_be_is_told_before_the_picture_is_read(name):
+    assert "code.json is a file; name a folder" in refusal(invert, "none.png", "--output", name)
 
 
-def test_a_folder_that_may_not_be_written_to_is_told_before_the_picture_is_read(capsys, monkeypatch):
+def test_a_folder_that_may_not_be_written_to_is_told_before_the_picture_is_read(monkeypatch):
     monkeypatch.setattr("fractal_exp.cli.invert.os.access", lambda *_: False)  # as for root on a disk that is read-only
-    assert "may not be written to" in refusal(invert, capsys, "none.png", "--output", "new/folder")
+    assert "may not be written to" in refusal(invert, "none.png", "--output", "new/folder")
 
 
-def test_a_disk_that_is_read_only_is_told(monkeypatch, tmp_path, capsys):
+def test_a_disk_that_is_read_only_is_told(monkeypatch, tmp_path):
     def refuse(path, *arguments, **more):
         if str(path).startswith(str(tmp_path)) and arguments and "x" in arguments[0]:
             raise OSError(errno.EROFS, os.strerror(errno.EROFS), str(path))
@@ -115,4 +101,4 @@ def test_a_disk_that_is_read_only_is_told(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(files, "open", refuse, raising=False)
     with pytest.raises(InputError, match="Read-only file system"):
         codes.known("fern").save(tmp_path / "fern.json")
-    assert not ended(render, capsys, "code.json", "still.png", "--size", 16, "--points", 100)
+    refusal(render, "code.json", "still.png", "--size", 16, "--points", 100)

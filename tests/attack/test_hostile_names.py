@@ -3,6 +3,7 @@
 import json
 
 import pytest
+from commands import refusal
 
 from fractal_exp import IFS
 from fractal_exp.cli import convert
@@ -16,21 +17,15 @@ NAMES = ["a\nb", "\ud800x", "\0", "<&'\"> --><b>", "x" * 5000, "{;}", "(3D)", ".
     ["no\nfile.json", "x.ifs"], ["no.json:a\nb", "x.ifs"], ["fern", "no\nfolder/x.ifs"], ["fern", "x.n\no"],
     ["fe\nrn", "x.ifs"], ["suite:\n1", "x.ifs"], ["fern", "x.ifs", "--to", "a\x1b[31mb"], ["\ud800.json", "x.ifs"],
 ])
-def test_an_error_is_one_printable_line(arguments, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises(SystemExit) as ended:
-        convert.main(arguments)
-    told = capsys.readouterr().err
-    assert ended.value.code == 2 and told.endswith("\n") and told[:-1].isprintable()
-    assert told.startswith("fractal-convert: error: ")
+def test_an_error_is_one_printable_line(arguments, folder):
+    assert refusal(convert, *arguments).startswith("fractal-convert: error: ")
 
 
-def test_a_written_file_is_named_in_one_printable_line(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
+def test_a_written_file_is_named_in_one_printable_line(folder, capsys):
     convert.main(["fern", "a\n\x1b[31m.ifs"])
     told = capsys.readouterr().out
     assert told[:-1].isprintable() and told.endswith("a\\n\\x1b[31m.ifs (fractint, 4 maps)\n")
-    assert (tmp_path / "a\n\x1b[31m.ifs").exists()
+    assert (folder / "a\n\x1b[31m.ifs").exists()
 
 
 @pytest.mark.parametrize("key", ["name", *(

@@ -23,13 +23,6 @@ def picture(tmp_path_factory) -> Path:
 
 
 @pytest.fixture
-def folder(tmp_path, monkeypatch) -> Path:
-    """Where the test works."""
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
-@pytest.fixture
 def rendering_side() -> int:
     """Pixels of the rendering that a command writes of its result. At 1024 it takes a third of the time of a fit that
     takes moments."""

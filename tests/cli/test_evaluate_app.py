@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import torch
+from commands import refusal
 from PIL import Image
 
 from fractal_exp import IFS, InputError, codes, tracking
@@ -109,7 +110,7 @@ def test_one_code_of_a_file_with_several_is_judged(folder):
     (["mine", "--truth", "suite", "--points", "0"], "--points must be an integer of at least 1, got 0"),
     (["mine", "--truth", "suite", "--out", "mine/other.txt"], "mine/other.txt: File exists; choose a folder"),
 ])
-def test_what_a_user_can_mend_is_one_line(folder, capsys, arguments, message):
+def test_what_a_user_can_mend_is_one_line(folder, arguments, message):
     save_two(folder)
     (folder / "empty").mkdir()
     (folder / "true").mkdir()
@@ -117,7 +118,5 @@ def test_what_a_user_can_mend_is_one_line(folder, capsys, arguments, message):
     (folder / "bare").mkdir()
     codes.known("fern").save(folder / "bare" / "code.json")
     (folder / "bare" / "finished.json").write_text("{}")
-    with pytest.raises(SystemExit) as stop:
-        app.main(arguments)
-    error = capsys.readouterr().err.strip().splitlines()
-    assert stop.value.code == 2 and message in error[-1] and error[-1].startswith("fractal-evaluate: error:")
+    error = refusal(app, *arguments)
+    assert message in error and error.startswith("fractal-evaluate: error:")

@@ -6,6 +6,7 @@ import shlex
 
 import numpy as np
 import pytest
+from commands import refusal
 from drawings import leaf, write
 from known import Known
 from PIL import Image
@@ -97,21 +98,17 @@ def test_a_picture_is_all_it_needs(folder, method, capsys):
     assert found.verdict.words in out and found.stopped == "asked to"
 
 
-def test_the_folder_is_not_overwritten_unless_forced(folder, method, capsys):
+def test_the_folder_is_not_overwritten_unless_forced(folder, method):
     method()
     (folder / "mine").mkdir()
     (folder / "mine" / "notes.txt").write_text("mine")
-    with pytest.raises(SystemExit) as left:
-        app.main(["gasket.png", "--output", "mine"])
-    error = capsys.readouterr().err
-    assert left.value.code == 2 and error.count("\n") == 1
-    assert "mine holds something already; --force writes into it, --output names another folder" in error
+    told = refusal(app, "gasket.png", "--output", "mine")
+    assert "mine holds something already; --force writes into it, --output names another folder" in told
     assert [path.name for path in (folder / "mine").iterdir()] == ["notes.txt"]
     app.main(["gasket.png", "--output", "mine", "--force"])
     assert (folder / "mine" / "code.json").exists() and (folder / "mine" / "notes.txt").exists()
-    with pytest.raises(SystemExit):
-        app.main(["gasket.png", "--output", "gasket.png"])
-    assert "gasket.png is a file; name a folder with --output" in capsys.readouterr().err
+    told = refusal(app, "gasket.png", "--output", "gasket.png")
+    assert "gasket.png is a file; name a folder with --output" in told
 
 
 def test_options_reach_the_method_and_the_reader(folder, method, capsys):
@@ -161,13 +158,10 @@ def test_what_may_help_is_a_command_to_type(folder, method, capsys, monkeypatch,
     (["gasket.png", "--seconds", "0"], "seconds must be above 0"),
     (["film.mp4"], "film.mp4 is a video; save one of its frames"),
 ])
-def test_an_error_is_one_line_before_any_work(folder, words, message, capsys):
+def test_an_error_is_one_line_before_any_work(folder, words, message):
     (folder / "film.mp4").write_bytes(b"\0\0\0\x20ftypisom")
-    with pytest.raises(SystemExit) as left:
-        app.main(words)
-    error = capsys.readouterr().err
-    assert left.value.code == 2 and error.count("\n") == 1 and error.startswith("fractal-invert: error: ")
-    assert re.search(message, error, re.MULTILINE)
+    error = refusal(app, *words)
+    assert error.startswith("fractal-invert: error: ") and re.search(message, error)
     assert not (folder / "gasket-fractal").exists()
 
 

@@ -3,6 +3,7 @@
 import json
 
 import pytest
+from commands import refusal
 
 from fractal_exp import IFS, codes, suite
 from fractal_exp.cli import measure
@@ -40,12 +41,8 @@ def test_json_has_a_line_for_each_with_all_digits(tmp_path, capsys):
     (["dark.png", "--order", "abecdf"], "--order is for files of codes"),
     (["code.json", "--theshold", "1"], "did you mean '--threshold' or"),
 ])
-def test_what_cannot_be_measured_ends_in_one_line(words, message, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
+def test_what_cannot_be_measured_ends_in_one_line(words, message, folder):
     write_image("dark.png", suite.target(codes.known("fern"), 64) * 0)
     IFS.save(codes.known("koch_curve"), "code.json")
-    with pytest.raises(SystemExit) as stop:
-        measure.main(words)
-    told = capsys.readouterr().err.splitlines()
-    assert stop.value.code == 2 and len(told) == 1 and told[0].startswith("fractal-measure: error: ") and (
-        message in told[0])
+    told = refusal(measure, *words)
+    assert told.startswith("fractal-measure: error: ") and message in told

@@ -15,6 +15,7 @@ import imageio.v3 as iio
 import numpy as np
 import pytest
 import torch
+from commands import refusal
 from PIL import Image
 
 from fractal_exp import IFS, Colours, View, codes, render
@@ -121,21 +122,14 @@ def test_a_morph_through_three_codes_and_back(tmp_path, capsys):
     (["fern", "a.png", "--mode", "colour"], "the code has no colours to draw"),
     (["fern", "a.png", "--background", "white"], "--background changes nothing with --mode occupancy"),
 ])
-def test_what_a_user_can_mend_is_one_line(tmp_path, monkeypatch, capsys, arguments, message):
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises(SystemExit) as stop:
-        render_app.main(arguments)
-    error = capsys.readouterr().err
-    assert stop.value.code == 2 and message in error and error.count("\n") == 1
-    assert not list(tmp_path.iterdir())
+def test_what_a_user_can_mend_is_one_line(folder, arguments, message):
+    assert message in refusal(render_app, *arguments) and not list(folder.iterdir())
 
 
-def test_a_picture_in_place_of_a_code_points_to_the_command_that_finds_its_code(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
+def test_a_picture_in_place_of_a_code_points_to_the_command_that_finds_its_code(folder):
     Image.new("L", (40, 40)).save("my birch.png")
-    with pytest.raises(SystemExit):
-        render_app.main(["my birch.png", "x.png"])
-    assert "is a picture, and a code is asked for; fractal-invert 'my birch.png' finds one" in capsys.readouterr().err
+    told = refusal(render_app, "my birch.png", "x.png")
+    assert "is a picture, and a code is asked for; fractal-invert 'my birch.png' finds one" in told
 
 
 def test_a_suite_in_files(tmp_path):

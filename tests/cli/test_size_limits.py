@@ -4,6 +4,7 @@ import os
 
 import pytest
 import torch
+from commands import refusal
 
 from fractal_exp import InputError, codes, tracking
 from fractal_exp.cli import evaluate as app
@@ -24,13 +25,10 @@ def fit(tmp_path):
 
 
 @pytest.mark.parametrize(("name", "most"), [("code.json", 2**24), ("truth.json", 2**24), ("target.png", 2**28)])
-def test_a_fits_file_that_is_too_large_ends_in_one_line(fit, capsys, name, most):
+def test_a_fits_file_that_is_too_large_ends_in_one_line(fit, name, most):
     with open(fit / name, "ab") as file:
         file.truncate(most + 1)  # takes no room on the disk
-    with pytest.raises(SystemExit) as stop:
-        app.main([str(fit)])
-    [line] = capsys.readouterr().err.strip().splitlines()
-    assert stop.value.code == 2 and f"fit/{name}: it has {most + 1} bytes, at most {most} are read" in line
+    assert f"fit/{name}: it has {most + 1} bytes, at most {most} are read" in refusal(app, fit)
 
 
 def test_an_artifact_that_is_too_large_is_not_fetched(fit, tmp_path):

@@ -7,6 +7,7 @@ import tarfile
 import numpy as np
 import pytest
 import torch
+from commands import refusal
 from PIL import Image
 
 from fractal_exp import codes
@@ -112,18 +113,13 @@ def test_pictures_are_those_of_the_first_epoch_whatever_was_drawn_before(tmp_pat
     (["fern", "--size", "8"], "size must be an integer of at least 16, got 8"),
     (["fern", "--shards", "0"], "shards must be an integer of at least 1, got 0"),
 ])
-def test_what_a_user_can_mend_is_one_line_before_any_work(tmp_path, monkeypatch, capsys, words, message):
-    monkeypatch.chdir(tmp_path)
+def test_what_a_user_can_mend_is_one_line_before_any_work(folder, words, message):
     for name in ("mixed", "empty"):
-        (tmp_path / name).mkdir()
+        (folder / name).mkdir()
     codes.known("fern").save("mixed/fern.json")
-    (tmp_path / "mixed" / "picture.png").write_bytes(b"")
-    (tmp_path / "bad.ifs").write_text("fern { 1 2 3 }")
-    with pytest.raises(SystemExit) as stop:
-        app.main([words[0], "set", *words[1:]])
-    error = capsys.readouterr().err
-    assert stop.value.code == 2 and message in error and error.count("\n") == 1
-    assert not (tmp_path / "set").exists()
+    (folder / "mixed" / "picture.png").write_bytes(b"")
+    (folder / "bad.ifs").write_text("fern { 1 2 3 }")
+    assert message in refusal(app, words[0], "set", *words[1:]) and not (folder / "set").exists()
 
 
 @pytest.mark.parametrize(("change", "message"), [
@@ -131,21 +127,17 @@ def test_what_a_user_can_mend_is_one_line_before_any_work(tmp_path, monkeypatch,
     (["--seed", "3"], "data set of other seed (0 there, 3 here)"),
     (["--shards", "50"], "data set of other shards (None there, 50 here)"),
 ])
-def test_a_folder_with_a_set_of_other_options_is_left_alone(tmp_path, capsys, change, message):
+def test_a_folder_with_a_set_of_other_options_is_left_alone(tmp_path, change, message):
     arguments = ["fern", str(tmp_path), *SMALL, "--jitter", "0"]
     app.main(arguments)
     before = contents(tmp_path)
     for words in ([*arguments, *change], ["tree", *arguments[1:]]):
-        with pytest.raises(SystemExit):
-            app.main(words)
-        error = capsys.readouterr().err
+        error = refusal(app, *words)
         assert (message if words[0] == "fern" else "data set of other codes;") in error
         assert "choose another folder" in error and contents(tmp_path) == before
 
 
-def test_a_folder_with_other_files_is_left_alone(tmp_path, capsys):
+def test_a_folder_with_other_files_is_left_alone(tmp_path):
     (tmp_path / "mine.txt").write_text("mine")
-    with pytest.raises(SystemExit):
-        app.main(["fern", str(tmp_path), *SMALL])
-    assert "holds other files; choose a folder that is empty" in capsys.readouterr().err
+    assert "holds other files; choose a folder that is empty" in refusal(app, "fern", tmp_path, *SMALL)
     assert set(contents(tmp_path)) == {"mine.txt"}

@@ -5,13 +5,14 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
+from commands import refusal
 from mlflow import MlflowClient
 from places import ROOT
 from studies_helpers import keep_sweep
 
 from benchmarks import comparisons
 from fractal_exp import InputError, tracking
-from fractal_exp.cli.report import main
+from fractal_exp.cli import report as app
 from fractal_exp.studies import course, report, report_text
 from fractal_exp.studies.published import TABLES
 
@@ -160,12 +161,12 @@ def test_the_texts_say_what_was_measured_and_what_was_not(sweep):
 
 
 def test_the_command_writes_all_files_and_finds_other_sweeps(output, tmp_path, capsys):
-    main(["study", "--output", str(output), "--out", str(tmp_path)])
+    app.main(["study", "--output", str(output), "--out", str(tmp_path)])
     assert "| naive" in capsys.readouterr().out
     assert {path.name for path in tmp_path.iterdir()} == {
         "report.md", "report.tex", "report.csv", "report.png", "jobs.csv", "spread.csv"}
     assert len(pd.read_csv(tmp_path / "jobs.csv")) == 10
-    main(["study", "--output", str(output), "--sweep", "smoke-old"])
+    app.main(["study", "--output", str(output), "--sweep", "smoke-old"])
     assert "on 1 sample, mean over views:" in (output / "study" / "smoke-old" / "report.md").read_text()
 
 
@@ -174,18 +175,14 @@ def test_the_command_writes_all_files_and_finds_other_sweeps(output, tmp_path, c
     (["study", "--sweep", "smoke-3"], "the study 'study' has no sweep 'smoke-3', and only sweeps have a table"),
     (["study", "--output", "/nowhere"], "no runs are kept in /nowhere; name the output folder"),
 ])
-def test_what_is_not_there_is_said(output, words, message, capsys):
-    with pytest.raises(SystemExit) as end:
-        main(["--output", str(output), *words])
-    assert end.value.code == 2 and message in capsys.readouterr().err
+def test_what_is_not_there_is_said(output, words, message):
+    assert message in refusal(app, "--output", output, *words)
 
 
-def test_a_study_of_fits_points_to_the_studies_with_a_table_and_to_the_dashboard(output, capsys):
+def test_a_study_of_fits_points_to_the_studies_with_a_table_and_to_the_dashboard(output):
     with tracking.start_run(tracking.prepare_store(output), "fits", "fit", folder=output / "fits"):
         pass
-    with pytest.raises(SystemExit):
-        main(["--output", str(output), "fits"])
-    error = capsys.readouterr().err
+    error = refusal(app, "--output", output, "fits")
     assert "studies with a sweep here: study" in error and "fractal-sweep fits" not in error
     assert f"python -m fractal_exp.tracking dashboard {output} shows the fits" in error
 

@@ -37,6 +37,9 @@ def test_every_changed_byte_is_seen(file):
         file.write_bytes(data[:place] + bytes([data[place] ^ 4]) + data[place + 1:])
         with pytest.raises(InputError, match="net.safetensors"):
             weights.load(file, "net")
+    file.write_bytes(data[:-1] + b"x")
+    with pytest.raises(InputError, match="is damaged: its content does not give its checksum"):
+        weights.load(file, "net")
     file.write_bytes(data)
     weights.load(file, "net")
 
@@ -44,11 +47,14 @@ def test_every_changed_byte_is_seen(file):
 def test_a_file_that_is_none(file, tmp_path):
     with pytest.raises(InputError, match="cannot read the weights .*absent"):
         weights.load(tmp_path / "absent", "net")
+    with pytest.raises(InputError, match="net has no weights: none are given, and the package has none"):
+        weights.load(None, "net")
     with pytest.raises(InputError, match="it is a folder"):
         weights.load(tmp_path, "net")
-    file.write_bytes(file.read_bytes()[:-3])
-    with pytest.raises(InputError, match="is damaged, or no safetensors file"):
-        weights.load(file, "net")
+    for data in (file.read_bytes()[:-3], b"", b"no weights"):
+        file.write_bytes(data)
+        with pytest.raises(InputError, match="is damaged, or no safetensors file"):
+            weights.load(file, "net")
     file.write_bytes(to_bytes({"a": torch.zeros(2)}))
     with pytest.raises(InputError, match="must be of the format 'fractal-exp/weights/1', got None"):
         weights.load(file, "net")

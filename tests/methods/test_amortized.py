@@ -91,17 +91,7 @@ def test_the_network_in_the_package_looks_at_its_picture():
     assert scores["held_out"] < .95 * scores["other_pictures"]
 
 
-def test_what_the_fit_refuses(file, tmp_path):
-    command = "`fractal-train task=pretrain method=amortized method.side=16` trains them"
-    for options, message in (
-            ({"weights": str(tmp_path / "absent"), "side": 16}, f"cannot read the weights .*{command}"),
-            ({"weights": file, "side": 24}, "side 16, and 24 is asked for"),
-            ({"weights": file, "side": 16, "maps": 12}, "a number of maps of 10, and 12 is asked for"),
-            ({"weights": str(saved(tmp_path / "o", "neural_regression")), "side": 16}, "expected 'amortized'")):
-        with pytest.raises(InputError, match=message):
-            Amortized(**options).check(TARGET)
-    with pytest.raises(InputError, match="the network sees 64² pixels, and the target has 32²"):
-        Amortized(weights=file).check(TARGET)
+def test_options_out_of_range_are_refused():
     for options, message in (({"seconds": 0}, "seconds must be above 0"), ({"side": 20}, "side must be"),
                              ({"present": 2.0}, "present must be at least 0 and at most 1"),
                              ({"fewest": 0}, "must be at least 1")):

@@ -7,6 +7,7 @@ import fractal_exp.conf
 import pytest
 from configured import composed, plain
 from fractal_exp.conf.generate import COMPARED, hydra_config
+from networks_helpers import saved
 from places import ROOT
 from rivals_helpers import TARGET
 
@@ -15,14 +16,18 @@ from fractal_exp.cli import configuration
 from fractal_exp.evaluation import Perceptual
 from fractal_exp.images.reading import ReadImage
 from fractal_exp.methods import METHODS, load
+from fractal_exp.methods.amortized.method import Amortized
 from fractal_exp.methods.base import CodeReconstruction
+from fractal_exp.methods.neural_regression.method import NeuralRegression
 from fractal_exp.methods.stepwise import Stepwise
+from fractal_exp.methods.super_resolution.method import SuperResolution
 from fractal_exp.studies.judging import judge
 from fractal_exp.studies.published import TABLES
 from fractal_exp.targets import Target
 
 CONF = Path(next(iter(fractal_exp.conf.__path__)))
 PAGE = (ROOT / "docs" / "comparisons.md").read_text()
+BY_NAME = {method.name: method for method in (Amortized, NeuralRegression, SuperResolution)}
 NETWORKS = [file.split("/")[1] for file in COMPARED if file.startswith("pretraining/")]
 each_method = pytest.mark.parametrize("name", [name for group, name in (file.split("/") for file in COMPARED)
                                                if group == "method" and name not in NETWORKS])
@@ -52,6 +57,31 @@ def test_so_is_that_of_a_method_with_a_network(name):
         assert info.description, field
     with pytest.raises(InputError, match="seconds must be above 0"):
         built(f"method={name}", "seconds=0")
+
+
+@pytest.mark.parametrize(("name", "options", "message"), [
+    ("neural_regression", {"side": 24}, "was trained with images of the side 16, and 24 is asked for .side..*"
+                                        "task=pretrain method=neural_regression method.side=24"),
+    ("neural_regression", {"maps": 12}, "a number of maps of 10, and 12 is asked for .*method.maps=12"),
+    ("neural_regression", {"as_released": True}, "as_released = False, and True .*method.as_released=true"),
+    ("amortized", {"side": 24}, "side 16, and 24 is asked for"),
+    ("amortized", {"maps": 12}, "a number of maps of 10, and 12 is asked for"),
+    ("super_resolution", {"width": 180}, "a width of 32, and 180 is asked for .*method.width=180"),
+    ("super_resolution", {"factor": 4}, "was trained with a factor of 8, and 4 is asked for .*method.factor=4"),
+    *((name, {"weights": "absent"}, "cannot read the weights .*absent.*`fractal-train task=pretrain "
+                                    rf"method={name}( method.side=16)?` trains them") for name in NETWORKS),
+    *((name, {"weights": other}, f"holds the network '{other}', expected '{name}'.*`fractal-train task=pretrain "
+                                 rf"method={name}( method.side=16)?` trains them")
+      for name, other in zip(NETWORKS, NETWORKS[1:] + NETWORKS[:1], strict=True)),
+])
+def test_a_network_of_another_kind_is_refused_with_the_command_that_trains_one(name, options, message, folder):
+    own = {} if name == "super_resolution" else {"side": 16}
+    if options.get("weights") in NETWORKS:
+        saved(options["weights"], options["weights"])
+    found = BY_NAME[name](**own | {"weights": str(saved("own", name))} | options)
+    for refuse in (found.check, found.reconstruct):
+        with pytest.raises(InputError, match=message):
+            refuse(TARGET)
 
 
 @each_method

@@ -15,8 +15,6 @@ from fractal_exp.training.drawing import draw
 from fractal_exp.training.epochs import turned
 from fractal_exp.training.neural_regression import RegressionTraining, sorted_rows
 
-COMMAND = "`fractal-train task=pretrain method=neural_regression method.side=16` trains them"
-
 
 @pytest.fixture
 def file(tmp_path):
@@ -78,24 +76,6 @@ def test_the_fit_draws_the_code_that_the_network_gives(file):
     assert torch.equal(found.code.linear, again.code.linear)
     other = method.reconstruct(TARGET.flip(0))
     assert not torch.equal(found.code.linear, other.code.linear), "it looks at the image"
-
-
-def test_what_the_fit_refuses(file, tmp_path):
-    good = {"weights": file, "side": 16}
-    cases = [
-        (good | {"weights": str(tmp_path / "absent")}, f"cannot read the weights .*absent.*{COMMAND}"),
-        (good | {"side": 24}, "was trained with images of the side 16, and 24 is asked for .side..*"
-                              "task=pretrain method=neural_regression method.side=24"),
-        (good | {"maps": 12}, "was trained with a number of maps of 10, and 12 is asked for .*method.maps=12"),
-        (good | {"as_released": True}, "as_released = False, and True is asked for .*method.as_released=true"),
-        (good | {"weights": str(saved(tmp_path / "other.safetensors", "super_resolution"))},
-         f"holds the network 'super_resolution', expected 'neural_regression'.*{COMMAND}"),
-    ]
-    for options, message in cases:
-        method = NeuralRegression(**options)
-        for refuse in (method.check, method.reconstruct):
-            with pytest.raises(InputError, match=message):
-                refuse(TARGET)
 
 
 def test_a_target_below_the_networks_own_size_is_refused_before_the_weights_are_read():

@@ -94,15 +94,7 @@ def test_views_that_it_cannot_show_are_left_out_and_counted():
         score(dataclasses.replace(fourfold, largest_zoom=.5), TRUTH, **OPTIONS)
 
 
-def test_what_the_fit_refuses(file, tmp_path):
-    for options, message in (
-            ({"weights": str(tmp_path / "absent")}, "cannot read the weights .*`fractal-train task=pretrain "
-                                                    "method=super_resolution` trains them"),
-            ({"weights": file, "width": 180}, "a width of 32, and 180 is asked for .*method.width=180"),
-            ({"weights": file, "factor": 4}, "was trained with a factor of 8, and 4 is asked for .*method.factor=4"),
-            ({"weights": str(saved(tmp_path / "other", "neural_regression"))}, "expected 'super_resolution'")):
-        with pytest.raises(InputError, match=message):
-            SuperResolution(**options).check(TARGET)
+def test_small_images_and_options_out_of_range_are_refused(file):
     with pytest.raises(InputError, match="sees 16² pixels at least, and the target has 8²; raise resolution to 16"):
         SuperResolution(weights=file).check(random_image(8))
     for options, message in (({"seconds": 0}, "seconds must be above 0"), ({"tile": 0}, "tile must be at least 16"),

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
 import torch
 from torch import Tensor
 
 from fractal_exp.cameras.camera import Camera
 from fractal_exp.cameras.kinds import kind_of, levels_of
 from fractal_exp.ifs import affine
+from fractal_exp.ifs.code import IFS
 from fractal_exp.images.levels import meaning_of
+from fractal_exp.methods.base import Progress
 from fractal_exp.methods.collage.image.objective import ImageObjective
 from fractal_exp.methods.collage.measure.search import MeasureSearch, Regime
 from fractal_exp.methods.collage.method import Collage
@@ -18,6 +24,7 @@ from fractal_exp.methods.collage.stages.base import SearchProblem
 from fractal_exp.methods.collage.state import Candidate
 from fractal_exp.ops.collage import BinnedMeasure
 from fractal_exp.ops.collage.reference import displacement_squared
+from fractal_exp.runtime.checkpoint import Checkpoint
 
 IDENTITY = torch.tensor([1.0, 0, 0, 1, 0, 0])
 PARAMS = CollageParams()
@@ -76,6 +83,30 @@ def small(**options) -> Collage:
     few = {"search": {"restarts": 2, "moves": 3, "detail_moves": 2, "grid": 32, "detail_grid": 32},
            "moves": {"count": 2}, "rounds": 1, "previews": 1}
     return Collage(**merged(merged(BRIEF, few), options))
+
+
+def interrupted(search: Collage, image: Tensor, stops: Callable[[list[Progress]], bool],
+                checkpoint: Checkpoint | None = None) -> list[Progress]:
+    """What a search tells which is interrupted whenever `stops` holds for what was told."""
+    told = []
+
+    def listen(progress: Progress) -> None:
+        told.append(progress)
+        if stops(told):
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        search.reconstruct(image, on_step=listen, checkpoint=checkpoint)
+    return told
+
+
+def check_it_goes_on(search: Callable[[], Collage], image: Tensor, stops: Callable[[list[Progress]], bool],
+                     path: Path, whole: IFS) -> None:
+    """An interrupted search that goes on from its checkpoint ends with the code `whole`, bit for bit."""
+    interrupted(search(), image, stops, Checkpoint(path))
+    resumed = search().reconstruct(image, checkpoint=Checkpoint(path, resume=True)).code
+    for part in ("linear", "offset"):
+        assert torch.equal(getattr(resumed, part), getattr(whole, part)), f"{part} is another than without interruption"
 
 
 def tied(maps: Tensor, error: float = 0.0) -> Candidate:

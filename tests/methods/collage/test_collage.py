@@ -5,7 +5,17 @@ from dataclasses import replace
 
 import pytest
 import torch
-from collage_helpers import DENSITY, PARAMS, distances, measure_search, problem, small, tied
+from collage_helpers import (
+    DENSITY,
+    PARAMS,
+    check_it_goes_on,
+    distances,
+    interrupted,
+    measure_search,
+    problem,
+    small,
+    tied,
+)
 from ops_helpers import check_descent, check_pushforward, check_pushforward_gradients, tiling_problem
 
 from fractal_exp import IFS, InputError, codes, suite
@@ -140,15 +150,8 @@ def whole(image):
 
 def test_another_seed_goes_another_way(image, whole):
     """That one seed repeats is seen where a search goes on after an interruption."""
-    told = []
-
-    def interrupt(progress):
-        told.append(progress)
-        raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        small(seed=1).reconstruct(image, on_step=interrupt)
-    assert told[0].step == whole[0][0].step and told[0].scalars["score"] != whole[0][0].scalars["score"]
+    first, *_ = interrupted(small(seed=1), image, lambda told: True)
+    assert first.step == whole[0][0].step and first.scalars["score"] != whole[0][0].scalars["score"]
 
 
 def test_candidates_are_told_until_the_first_stage_has_ended(whole):
@@ -179,16 +182,10 @@ def test_a_search_stopped_while_a_stage_begins_goes_on_bit_for_bit(image, whole,
 
 
 def test_an_interrupted_search_tells_what_its_moves_have_found_with_its_camera(image):
-    told = []
+    def is_second_move(told):
+        return [each.stage for each in told[-2:]] == 2 * ["image"] and told[-1].code is None
 
-    def interrupt(progress):
-        told.append(progress)
-        if [each.stage for each in told[-2:]] == 2 * ["image"] and progress.code is None:  # the second move
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        small(moves={"count": 2}).reconstruct(image, on_step=interrupt)
-    moved, _, last = told[-3:]
+    moved, _, last = interrupted(small(moves={"count": 2}), image, is_second_move)[-3:]
     assert moved.code is None and last.stage == "image" and last.code is not None
     assert last.scalars["error"] == moved.scalars["error"] and last.camera == DENSITY.camera
 
@@ -212,15 +209,10 @@ def test_small_and_odd_pictures_are_taken(name, size):
 @pytest.mark.parametrize("stop", [1, 10, *(pytest.param(stop, marks=pytest.mark.slow) for stop in (4, 8, 12))])
 def test_a_search_interrupted_anywhere_goes_on_bit_for_bit(image, whole, tmp_path, stop):
     """In each island, the closing moves, the details, the picture."""
-    def interrupt(progress):
-        if progress.step >= stop and progress.code is None:
-            raise KeyboardInterrupt
+    def is_there(told):
+        return told[-1].step >= stop and told[-1].code is None
 
-    path = tmp_path / "checkpoint.safetensors"
-    with pytest.raises(KeyboardInterrupt):
-        small().reconstruct(image, on_step=interrupt, checkpoint=Checkpoint(path))
-    resumed = small().reconstruct(image, checkpoint=Checkpoint(path, resume=True)).code
-    assert torch.equal(whole[1].linear, resumed.linear) and torch.equal(whole[1].offset, resumed.offset)
+    check_it_goes_on(small, image, is_there, tmp_path / "checkpoint", whole[1])
 
 
 def test_the_number_of_maps_can_be_fixed_or_bounded(image):

@@ -5,7 +5,7 @@ from itertools import count
 
 import pytest
 import torch
-from collage_helpers import merged, objective, tied
+from collage_helpers import interrupted, merged, objective, tied
 from growth_helpers import BLOB, BRANCH, FEW, LETTER, clouds, grower, stage
 
 from fractal_exp import codes
@@ -205,15 +205,8 @@ def test_a_search_whose_sketch_took_all_the_time_goes_on():
 
 
 def test_an_interrupted_growth_tells_what_it_has_grown():
-    told = []
-
-    def interrupt(progress):
-        told.append(progress)
-        if len(told) == 2:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        Collage(maps=12, likeness=None, growth={**FEW, "steps": 5}).reconstruct(clouds(), on_step=interrupt)
+    search = Collage(maps=12, likeness=None, growth={**FEW, "steps": 5})
+    told = interrupted(search, clouds(), lambda told: len(told) == 2)
     assert [each.stage for each in told] == 3 * ["sketch"] and len(told[2].code) == 12 and told[2].camera.is_known
 
 
@@ -241,15 +234,8 @@ def test_a_growth_that_is_interrupted_in_its_first_descent_tells_how_far_it_is(i
 
 def test_growth_goes_on_where_it_was_interrupted(tmp_path):
     path, options = tmp_path / "growth.safetensors", {"maps": 24, "growth": {**FEW, "steps": 5}}
-    whole, told = Collage(**options).reconstruct(BRANCH), []
-
-    def interrupt(progress):
-        told.append(progress)
-        if len(told) == 2:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        Collage(**options).reconstruct(BRANCH, checkpoint=Checkpoint(path), on_step=interrupt)
+    whole = Collage(**options).reconstruct(BRANCH)
+    told = interrupted(Collage(**options), BRANCH, lambda told: len(told) == 2, Checkpoint(path))
     assert {each.stage for each in told} == {"growth"}
     resumed = Collage(**options).reconstruct(BRANCH, checkpoint=Checkpoint(path, resume=True))
     assert torch.equal(whole.code.linear, resumed.code.linear) and torch.equal(whole.code.offset, resumed.code.offset)

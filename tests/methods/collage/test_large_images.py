@@ -2,14 +2,13 @@
 
 import pytest
 import torch
-from collage_helpers import distances, problem, small, tied
+from collage_helpers import check_it_goes_on, distances, problem, small, tied
 
 from fractal_exp import codes, suite
 from fractal_exp.ifs import affine, attractor
 from fractal_exp.methods.collage.bins import binned
 from fractal_exp.methods.collage.stages import plan_of
 from fractal_exp.methods.collage.state import State
-from fractal_exp.runtime.checkpoint import Checkpoint
 
 LARGE = {"stages": {"largest_side": 64, "full_side": 96}}  # with these, the triangle's image is a large one
 
@@ -27,16 +26,8 @@ def test_a_large_picture_interrupted_at_the_end_of_a_stage_goes_on_bit_for_bit(t
     (_, image), (told, whole) = triangle, whole_large
     ends = [progress.stage for progress in told if progress.code is not None]
     assert ends[-5:] == ["detail", "approach", "image", "full size", "rounding"]
-
-    def interrupt(progress):
-        if progress.code is not None and progress.stage == stage:
-            raise KeyboardInterrupt
-
-    path = tmp_path / "checkpoint.safetensors"
-    with pytest.raises(KeyboardInterrupt):
-        small(**LARGE).reconstruct(image, on_step=interrupt, checkpoint=Checkpoint(path))
-    resumed = small(**LARGE).reconstruct(image, checkpoint=Checkpoint(path, resume=True)).code
-    assert torch.equal(whole.linear, resumed.linear) and torch.equal(whole.offset, resumed.offset)
+    check_it_goes_on(lambda: small(**LARGE), image, lambda told: told[-1].code is not None and told[-1].stage == stage,
+                     tmp_path / "checkpoint", whole)
 
 
 def test_a_large_picture_takes_the_rounds_it_is_given(triangle):

@@ -4,7 +4,7 @@ import math
 
 import pytest
 import torch
-from collage_helpers import UNPOLISHED, measure_search, objective, problem, tied, unpolished
+from collage_helpers import UNPOLISHED, check_it_goes_on, measure_search, objective, problem, tied, unpolished
 from collage_helpers import small as few
 
 from fractal_exp import suite
@@ -13,7 +13,6 @@ from fractal_exp.methods.collage.stages import plan_of
 from fractal_exp.methods.collage.stages.image import ImageMoves
 from fractal_exp.methods.collage.stages.measure import Restart
 from fractal_exp.methods.collage.state import State
-from fractal_exp.runtime.checkpoint import Checkpoint
 
 TURN = torch.tensor([[0.0, -0.97, 0.98, 0, 0.1, 0]])  # of a square, say, about its middle
 
@@ -98,22 +97,17 @@ def test_how_many_rounds_there_are_depends_on_what_the_greys_mean(triangle):
 
 def test_later_rounds_go_on_where_they_were_interrupted_and_progress_never_falls(triangle, tmp_path):
     """Two maps draw no triangle, so there is another round."""
-    (_, image), path, parts, stages = triangle, tmp_path / "search.safetensors", [], []
+    (_, image), parts = triangle, []
 
     def search():
         return small(rounds=2, at_most=2, **UNPOLISHED)
 
-    def interrupt_in_the_second_round(progress):
-        stages.append(progress.stage)
-        if progress.stage == "detail" and "image" in stages:
-            raise KeyboardInterrupt
+    def is_in_second_round(told):
+        return told[-1].stage == "detail" and "image" in {each.stage for each in told}
 
     whole = search().reconstruct(image, on_step=lambda p: parts.append(p.fraction)).code
     assert parts == sorted(parts) and parts[-1] == 1 and len(set(parts)) > 10
-    with pytest.raises(KeyboardInterrupt):
-        search().reconstruct(image, on_step=interrupt_in_the_second_round, checkpoint=Checkpoint(path))
-    resumed = search().reconstruct(image, checkpoint=Checkpoint(path, resume=True)).code
-    assert torch.equal(whole.linear, resumed.linear) and torch.equal(whole.offset, resumed.offset)
+    check_it_goes_on(search, image, is_in_second_round, tmp_path / "checkpoint", whole)
 
 
 def test_the_angle_of_an_error_is_what_all_pixels_are_off_by():

@@ -80,13 +80,6 @@ def test_a_code_is_taken_or_refused_as_the_page_does(tmp_path, case):
             IFS.load(path)
 
 
-def test_a_larger_file_is_not_even_read(tmp_path):
-    with open(tmp_path / "huge.flame", "wb") as file:
-        file.truncate(formats.LARGEST + 1)
-    with pytest.raises(InputError, match="at most 16777216 are read"):
-        IFS.load(tmp_path / "huge.flame")
-
-
 @pytest.mark.parametrize("suffix", [".ifs", ".flame"])
 def test_one_of_several_codes_is_asked_for_by_name_or_number(tmp_path, suffix):
     names = ["fern", "tree", "fern", "spiral"]

@@ -1,5 +1,6 @@
 import json
 import math
+import os
 from dataclasses import replace
 
 import pytest
@@ -7,6 +8,7 @@ import torch
 
 import fractal_exp
 from fractal_exp import IFS, Colours, InputError, View
+from fractal_exp.runtime.files import read_json
 
 HALF = [[0.5, 0.0], [0.0, 0.5]]
 
@@ -92,36 +94,72 @@ def test_both_public_spellings_are_read():
         assert torch.equal(lists.linear, rows.linear[:1]) and torch.equal(lists.offset, rows.offset[:1])
 
 
-OWN = {"format": "fractal-exp/ifs", "version": 1, "linear": [HALF], "offset": [[0, 0]]}
+CODE = {"format": "fractal-exp/ifs", "version": 1, "linear": [HALF], "offset": [[0, 0]]}
 
 
-@pytest.mark.parametrize(("data", "message"), [
-    ({**OWN, "linear": [HALF, HALF]}, "offset must have shape"),
-    ({**OWN, "linear": [[0.5, 0.5]]}, "linear must have shape"),
-    ({**OWN, "linear": [[[1.5, 0], [0, 0.5]]]}, "map 1 has singular value 1.5"),
-    ({**OWN, "extra": 1}, r"unknown keys \['extra'\]"),
-    ({**OWN, "version": 2}, "version 1, got 'fractal-exp/ifs' version 2"),
-    ({"format": "fractal-exp/ifs", "version": 1, "linear": [HALF]}, "has no offset"),
-    ({"ifs_m": [HALF]}, "needs ifs_t"),
-    ({"ifs_m": [HALF], "ifs_t": [[0, 0]], "note": ""}, "unknown keys"),
-    ([[0.5, 0, 0, 0.5, 0]], "six numbers"),
-    ([[0.5, 0, 0, 0.5, 0, 0], [0.5]], "regular array"),
-    ("fern", "got str"),
+def written(**changes):
+    return json.dumps({**CODE, **changes})
+
+
+@pytest.mark.parametrize(("text", "message"), [
+    ("[" * 100_000, "nested too deeply"),
+    (written(linear=[HALF, HALF]), "offset must have shape"),
+    (written(linear=[[0.5, 0.5]]), "linear must have shape"),
+    (written(linear=[[[1.5, 0], [0, 0.5]]]), "map 1 has singular value 1.5"),
+    (written(extra=1), r"unknown keys \['extra'\]"),
+    ('{"format": "fractal-exp/ifs", "version": 1, "linear": [[[0.5, 0], [0, 0.5]]]}', "has no offset"),
+    ('{"ifs_m": [[[0.5, 0], [0, 0.5]]]}', "needs ifs_t"),
+    ('{"ifs_m": [[[0.5, 0], [0, 0.5]]], "ifs_t": [[0, 0]], "note": ""}', "unknown keys"),
+    ("[[0.5, 0, 0, 0.5, 0]]", "six numbers"),
+    ("[[0.5, 0, 0, 0.5, 0, 0], [0.5]]", "regular array"),
+    ('"fern"', "got str"),
+    ("{", "is not JSON"),
+    ('{"a": 1, "a": 2}', "gives the key 'a' twice"),
+    ("\ufeff[]", "is not JSON"),
+    (b"\xff\xfe", "is not JSON"),
+    (written(meta=[]), "meta holds free notes by name .a mapping., got list"),
+    (written(meta="x" * 9000), "got str"),
+    (written(version=2), "version 1, got 'fractal-exp/ifs' version 2; no other version is read"),
+    (written(version=True), "version True"),
+    (written(offset=[[True, 0]]), "offset must hold numbers only, got True"),
+    (written(offset=[["0", 0]]), "offset must hold numbers only, got '0'"),
+    (written(offset=[[None, 0]]), "offset must hold numbers only, got None"),
+    (written(offset=[[float("nan"), 0]]), "offset must hold finite numbers up to 3.403e.38 .float32., got nan"),
+    (written().replace("[[0, 0]]", "[[1e400, 0]]"), "offset must hold finite numbers .* got inf"),
+    (written().replace("[[0, 0]]", "[[1e39, 0]]"), "offset must hold finite numbers .* got 1e.39"),
+    (written().replace("[[0, 0]]", f"[[{'9' * 4000}, 0]]"), "has a number of 4000 digits, at most 308 are read"),
+    (written().replace("[[0, 0]]", f"[[{'9' * 5000}, 0]]"), "has a number of 5000 digits"),
+    (written(probabilities=[True]), "probabilities must hold numbers only"),
+    (written(probabilities={"a": 1}), "probabilities must hold numbers only"),
+    (written(**{f"key{i}": 0 for i in range(10_000)}), "unknown keys"),
+    ('[[0.5, 0, 0, 0.5, 0, "0"]]', "rows must hold numbers only, got '0'"),
+    ('{"ifs_m": [[0.5, 0, 0, 0.5]], "ifs_t": [[false, 0]]}', "ifs_t must hold numbers only, got False"),
 ])
-def test_unusable_json_is_refused_naming_the_file(tmp_path, data, message):
+def test_a_damaged_or_crafted_code_is_refused_in_one_short_line(tmp_path, text, message):
     path = tmp_path / "code.json"
-    path.write_text(json.dumps(data))
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
     with pytest.raises(InputError, match=message) as error:
         IFS.load(path)
-    assert str(path) in str(error.value)
+    assert str(path) in str(error.value) and "\n" not in str(error.value)
+    assert len(str(error.value)) < len(str(path)) + 400
 
 
-def test_missing_and_broken_files_are_refused(tmp_path):
+def test_a_code_file_is_not_read_if_it_is_huge_or_no_file(tmp_path):
+    for name in ("huge.json", "huge.flame"):
+        with open(tmp_path / name, "wb") as file:
+            file.truncate(10 * 2**30)  # takes no room on the disk
+        with pytest.raises(InputError, match="it has 10737418240 bytes, at most 16777216 are read"):
+            IFS.load(tmp_path / name)
+    os.mkfifo(tmp_path / "pipe.json")
+    for path, kind in ((tmp_path / "pipe.json", "pipe"), ("/dev/zero", "device"), (tmp_path, "folder")):
+        with pytest.raises(InputError, match=f"cannot read the code .* it is a {kind}"):
+            IFS.load(path)
     with pytest.raises(InputError, match="cannot read the code .*No such file"):
         IFS.load(tmp_path / "none.json")
-    (tmp_path / "broken.json").write_text("{")
-    with pytest.raises(InputError, match="is not JSON"):
-        IFS.load(tmp_path / "broken.json")
+    with pytest.raises(InputError, match="File name too long"):
+        IFS.load(tmp_path / ("x" * 300))
+    with pytest.raises(InputError, match="null byte"):
+        read_json("a\0b", "it")
 
 
 def test_codes_are_equal_by_value_and_equal_codes_have_one_hash():

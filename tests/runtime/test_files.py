@@ -1,6 +1,5 @@
-"""Writing whole files, many at once; being alone in a folder; reading JSON with care."""
+"""Writing whole files, many at once; being alone in a folder."""
 
-import json
 import multiprocessing
 import os
 import threading
@@ -13,7 +12,7 @@ from fractal_exp import IFS, InputError
 from fractal_exp.cli.folders import FitFolder
 from fractal_exp.images.pixels import write_image
 from fractal_exp.runtime.checkpoint import Checkpoint, Snapshot
-from fractal_exp.runtime.files import alone_in, read_json, replacing, write_atomically
+from fractal_exp.runtime.files import alone_in, replacing, write_atomically
 
 FORK = multiprocessing.get_context("fork")  # tensors are small: torch's thread pool does not survive it
 VERSIONS = range(6)
@@ -130,57 +129,3 @@ def test_a_killed_process_holds_no_folder(tmp_path):
     holder.join()
     with alone_in(tmp_path, wait=False):
         pass
-
-
-CODE = {"format": "fractal-exp/ifs", "version": 1, "linear": [[[0.5, 0], [0, 0.5]]], "offset": [[0, 0]]}
-
-
-def written(**changes):
-    return json.dumps({**CODE, **changes})
-
-
-@pytest.mark.parametrize(("text", "message"), [
-    ("[" * 100_000, "nested too deeply"),
-    ('{"a": 1, "a": 2}', "gives the key 'a' twice"),
-    ("\ufeff[]", "is not JSON"),
-    (b"\xff\xfe", "is not JSON"),
-    (written(meta=[]), "meta holds free notes by name .a mapping., got list"),
-    (written(meta="x" * 9000), "got str"),
-    (written(version=2), "version 1, got 'fractal-exp/ifs' version 2; no other version is read"),
-    (written(version=True), "version True"),
-    (written(offset=[[True, 0]]), "offset must hold numbers only, got True"),
-    (written(offset=[["0", 0]]), "offset must hold numbers only, got '0'"),
-    (written(offset=[[None, 0]]), "offset must hold numbers only, got None"),
-    (written(offset=[[float("nan"), 0]]), "offset must hold finite numbers up to 3.403e.38 .float32., got nan"),
-    (written().replace("[[0, 0]]", "[[1e400, 0]]"), "offset must hold finite numbers .* got inf"),
-    (written().replace("[[0, 0]]", "[[1e39, 0]]"), "offset must hold finite numbers .* got 1e.39"),
-    (written().replace("[[0, 0]]", f"[[{'9' * 4000}, 0]]"), "has a number of 4000 digits, at most 308 are read"),
-    (written().replace("[[0, 0]]", f"[[{'9' * 5000}, 0]]"), "has a number of 5000 digits"),
-    (written(probabilities=[True]), "probabilities must hold numbers only"),
-    (written(probabilities={"a": 1}), "probabilities must hold numbers only"),
-    (written(**{f"key{i}": 0 for i in range(10_000)}), "unknown keys"),
-    ('[[0.5, 0, 0, 0.5, 0, "0"]]', "rows must hold numbers only, got '0'"),
-    ('{"ifs_m": [[0.5, 0, 0, 0.5]], "ifs_t": [[false, 0]]}', "ifs_t must hold numbers only, got False"),
-])
-def test_a_damaged_or_crafted_code_is_refused_in_one_short_line(tmp_path, text, message):
-    path = tmp_path / "code.json"
-    path.write_bytes(text if isinstance(text, bytes) else text.encode())
-    with pytest.raises(InputError, match=message) as error:
-        IFS.load(path)
-    assert str(path) in str(error.value) and "\n" not in str(error.value)
-    assert len(str(error.value)) < len(str(path)) + 400
-
-
-def test_a_code_file_is_not_read_if_it_is_huge_or_no_file(tmp_path):
-    with open(tmp_path / "huge.json", "wb") as file:
-        file.truncate(10 * 2**30)  # takes no room on the disk
-    with pytest.raises(InputError, match="it has 10737418240 bytes, at most 16777216 are read"):
-        IFS.load(tmp_path / "huge.json")
-    os.mkfifo(tmp_path / "pipe.json")
-    for path, kind in ((tmp_path / "pipe.json", "pipe"), ("/dev/zero", "device"), (tmp_path, "folder")):
-        with pytest.raises(InputError, match=f"cannot read the code .* it is a {kind}"):
-            IFS.load(path)
-    with pytest.raises(InputError, match="File name too long"):
-        IFS.load(tmp_path / ("x" * 300))
-    with pytest.raises(InputError, match="null byte"):
-        read_json("a\0b", "it")

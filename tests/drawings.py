@@ -85,6 +85,15 @@ def leaf(colour, paper="white", fine=4):
     return large.resize((300, 300), Image.Resampling.BOX)
 
 
+def lopsided():
+    """A grey shape without symmetries (60,80), white on black."""
+    picture = np.zeros((60, 80))
+    picture[9:47, 11:52] = 1
+    picture[20:30, 20:30] = 0.5
+    picture[9:12, 11:30] = 0
+    return picture
+
+
 def declared(side, rows, colour=6):
     """A PNG that declares side² pixels of a colour type and holds some rows of them, all black, or transparent."""
     def chunk(kind, data):

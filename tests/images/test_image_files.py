@@ -6,24 +6,14 @@ import socket
 import numpy as np
 import pytest
 import torch
-from drawings import declared
+from drawings import declared, lopsided
 from PIL import Image
 
 from fractal_exp import InputError
 from fractal_exp.images.pixels import read_colour, read_small, write_image
 from fractal_exp.images.reading import read_target
 
-
-def leaf():
-    """A lopsided grey shape."""
-    picture = np.zeros((60, 80))
-    picture[9:47, 11:52] = 1
-    picture[20:30, 20:30] = 0.5
-    picture[9:12, 11:30] = 0
-    return picture
-
-
-LEAF = np.rint(leaf() * 255).astype(np.uint8)
+LEAF = np.rint(lopsided() * 255).astype(np.uint8)
 
 
 def save_variants(folder):

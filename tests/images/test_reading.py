@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 import torch
+from drawings import lopsided
 from PIL import Image
 
 from fractal_exp import InputError, codes, suite
@@ -35,14 +36,6 @@ def edges(image):
         return -level[:size].sum() / size, level[size:].sum() / size
 
     return (*span(image.max(0).values), *span(image.max(1).values))
-
-
-def leaf():
-    """A lopsided grey shape, for tests of format."""
-    picture = rectangle(60, 80, 11, 9, 52, 47)
-    picture[20:30, 20:30] = 0.5
-    picture[9:12, 11:30] = 0
-    return picture
 
 
 @pytest.mark.parametrize("resolution", [64, 97, 192])
@@ -84,7 +77,7 @@ def test_jpeg_artefacts_do_not_move_the_frame(tmp_path, quality):
 
 
 def test_keep_frame_leaves_a_framed_target_alone():
-    image = torch.rand(48, 48, generator=torch.Generator().manual_seed(0)) * torch.from_numpy(leaf()[:48, :48] > 0)
+    image = torch.rand(48, 48, generator=torch.Generator().manual_seed(0)) * torch.from_numpy(lopsided()[:48, :48] > 0)
     kept = read_target(image, 48, frame="keep", invert=False)
     assert torch.equal(kept.image, image) and kept.crop_box == (0, 0, 48, 48) and kept.scale == 1
     halved = read_target(image, 24, frame="keep", invert=False).image
@@ -105,8 +98,8 @@ def test_a_target_of_our_own_stays_as_it_is(tmp_path):
 @pytest.mark.parametrize("dtype", ["bool", "uint8", "uint16", "float16", "float32", "float64", ">f4", ">u2"])
 def test_types_of_arrays_and_tensors_agree(dtype):
     white = {"b": 1, "u": 65535 if "2" in dtype or "16" in dtype else 255, "f": 1}[np.dtype(dtype).kind]
-    picture = (leaf() > 0.4) * white
-    expected = read_target((leaf() > 0.4).astype(np.float64), 40).image
+    picture = (lopsided() > 0.4) * white
+    expected = read_target((lopsided() > 0.4).astype(np.float64), 40).image
     torch.testing.assert_close(read_target(picture.astype(dtype), 40).image, expected)
     if dtype[0] != ">":
         torch.testing.assert_close(read_target(torch.from_numpy(picture.astype(dtype)), 40).image, expected)

@@ -1,4 +1,4 @@
-"""Campaigns against the local page as a user starts it: kills, closed terminals, hostile pictures, a disk that is full.
+"""Campaigns against the local page as a user starts it: kills, closed terminals, and hostile pictures.
 
 They are slow tests. Their seeds are fixed, the moments come as they fall.
 """
@@ -6,7 +6,6 @@ They are slow tests. Their seeds are fixed, the moments come as they fall.
 import contextlib
 import random
 import re
-import resource
 import signal
 import subprocess
 import sys
@@ -168,24 +167,3 @@ def test_the_memory_that_a_picture_takes_is_bounded_whatever_it_declares(start):
     print(f"a picture of {len(png(flat))} bytes and 98 million pixels: {(peak - before) / 2**20:.0f} MiB at most")
     assert peak - before < 700 * 2**20
     assert "Traceback" not in command.end(signal.SIGINT)
-
-
-def test_a_disk_that_takes_no_more_is_told_and_no_code_is_lost(start, fern, tmp_path):
-    command, code = start(), plain(attractor.normalize(codes.known("fern")))
-    with command.tab() as tab:
-        command.send(fern)
-        tab.until(lambda state: free(state) and state["picture"])
-        tab.do("edit", code=code)
-        tab.until(lambda state: free(state) and state["judged"])
-        time.sleep(1)
-        before = {path for path in tmp_path.rglob("*") if path.is_file()}
-        resource.prlimit(command.process.pid, resource.RLIMIT_FSIZE, (10, resource.RLIM_INFINITY))
-        status, why = command.send(fern, "other.png")
-        assert status == 400 and "ulimit" in why
-        assert "ulimit" in tab.refused("save")
-        other = code | {"offset": [[x + 0.01, y] for x, y in code["offset"]]}
-        tab.do("edit", code=other)
-        tab.until(lambda state: free(state) and state["judged"] and "ulimit" in state["why"])
-        assert {path for path in tmp_path.rglob("*") if path.is_file()} <= before
-    said = command.end(signal.SIGINT)
-    assert "Traceback" not in said and '"linear"' in said

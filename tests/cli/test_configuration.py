@@ -156,10 +156,9 @@ def test_the_command_line_wins_over_scale_and_ablation():
     assert config["iterations"] == 7 and config["method"]["iterations"] == 7 and config["model"]["sigma_px"] == 1.5
 
 
-def test_paths_are_absolute(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def test_paths_are_absolute(folder):
     config = plain("target=image", "target.path=leaf.png")
-    assert config["target"]["path"] == str(tmp_path / "leaf.png") and config["output"] == str(tmp_path / "outputs")
+    assert config["target"]["path"] == str(folder / "leaf.png") and config["output"] == str(folder / "outputs")
 
 
 @pytest.mark.parametrize(("overrides", "message"), [

@@ -94,13 +94,12 @@ def test_names_too_long_are_refused_with_what_to_shorten(train, tmp_path, key):
     (render.main, ["fern", "fern.png", "--size", "64", "--points", "1e4"], 200, "fern.png"),
     (render.main, ["fern", "fern.gif", "--size", "64", "--points", "1e4", "--seconds", "0.1"], 200, "fern.gif"),
 ])
-def test_a_full_disk_ends_a_command_in_one_line(main, arguments, size, names, tmp_path, capsys, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def test_a_full_disk_ends_a_command_in_one_line(main, arguments, size, names, folder, capsys):
     with pytest.raises(SystemExit) as end, a_disk_that_takes(size):
         main(arguments)
     last = capsys.readouterr().err.strip().splitlines()[-1]
-    assert end.value.code == 2 and f"error: cannot write {tmp_path / names}: File too large" in last
-    assert not (tmp_path / names).exists() and not list(tmp_path.rglob(".*partial*"))
+    assert end.value.code == 2 and f"error: cannot write {folder / names}: File too large" in last
+    assert not (folder / names).exists() and not list(folder.rglob(".*partial*"))
 
 
 def test_a_reader_that_has_seen_enough_ends_a_command_without_a_word():

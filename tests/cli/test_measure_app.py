@@ -11,9 +11,8 @@ from fractal_exp.ifs import formats
 from fractal_exp.images.pixels import write_image
 
 
-def test_a_code_of_several_and_a_picture_are_measured_beside_each_other(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    formats.save([codes.known("cantor_dust"), codes.known("koch_curve")], tmp_path / "two.ifs")
+def test_a_code_of_several_and_a_picture_are_measured_beside_each_other(folder, capsys):
+    formats.save([codes.known("cantor_dust"), codes.known("koch_curve")], folder / "two.ifs")
     write_image("koch.png", suite.target(codes.known("koch_curve"), 256))
     measure.main(["two.ifs:koch_curve", "koch.png"])
     code, picture = capsys.readouterr().out.split("koch.png: 256×256 px\n")

@@ -75,11 +75,10 @@ def test_another_code_of_the_true_attractor_is_told_from_the_true_one():
     assert finds_truth(attractor.normalize(codes.known("fern")), TRIANGLE, OPTIONS) == (False, False)
 
 
-def test_make_is_named_only_in_a_clone_of_the_project(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    plain = f"python -m fractal_exp.tracking dashboard {tmp_path}/outputs"
+def test_make_is_named_only_in_a_clone_of_the_project(folder):
+    plain = f"python -m fractal_exp.tracking dashboard {folder}/outputs"
     assert dashboard_line("outputs") == plain
-    (tmp_path / "Makefile").write_text("dashboard:\n\techo another project\n")
+    (folder / "Makefile").write_text("dashboard:\n\techo another project\n")
     assert dashboard_line("outputs") == plain
-    (tmp_path / "Makefile").write_text("dashboard:\n\tpython -m fractal_exp.tracking dashboard outputs\n")
+    (folder / "Makefile").write_text("dashboard:\n\tpython -m fractal_exp.tracking dashboard outputs\n")
     assert dashboard_line("outputs") == "make dashboard" and dashboard_line("my runs").endswith("/my runs'")

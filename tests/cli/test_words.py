@@ -183,11 +183,10 @@ def test_a_picture_takes_its_target_and_collage_search(tmp_path):
     assert settings("picture=a.png", "method.maps=4")["method"]["maps"] == 4
 
 
-def test_a_picture_may_have_any_name(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def test_a_picture_may_have_any_name(folder):
     for name in ("my leaf (1).png", "a,b.png", "it's [x]=y.png"):
-        (tmp_path / name).touch()
-        assert settings(f"picture={name}")["target"]["path"] == str(tmp_path / name)
+        (folder / name).touch()
+        assert settings(f"picture={name}")["target"]["path"] == str(folder / name)
 
 
 def test_a_limit_of_time_is_that_of_the_method_however_it_is_written():

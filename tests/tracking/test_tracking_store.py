@@ -60,15 +60,14 @@ def test_store_is_sqlite_in_wal_mode_at_an_absolute_path(uri):
         assert connection.execute("PRAGMA journal_mode").fetchone()[0] == "wal"
 
 
-def test_working_directory_and_global_state_of_mlflow_stay_clean(uri, start, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def test_working_directory_and_global_state_of_mlflow_stay_clean(uri, start, folder):
     with start() as run:
         run.artifact("a.txt", "a")
     import mlflow
 
     assert mlflow.active_run() is None and "MLFLOW_TRACKING_URI" not in os.environ
     assert uri not in mlflow.get_tracking_uri()
-    assert list(tmp_path.iterdir()) == []
+    assert list(folder.iterdir()) == []
     assert (store.database_path(uri).parent / "mlartifacts" / run.run_id / "artifacts" / "a.txt").read_text() == "a"
 
 

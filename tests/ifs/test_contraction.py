@@ -179,6 +179,7 @@ def test_a_map_that_is_never_chosen_does_not_count():
 
 
 @pytest.mark.parametrize(("rows", "message"), [
+    ([[1, 0, 0, 0.5, 0, 0, 1]], "map 1 has singular value 1;"),
     ([[1.1, 0, 0, 1.2, 0, 0, 0.9], [0.5, 0, 0, 0.9, 0, 0, 0.1]], "is 0.154, since map 1 has singular value 1.2;"),
     ([[9, 0, 0, 9, 0, 0, 0], [0.5, 0, 0, 0.5, 0, 0, 0.2], [2, 0, 0, 1, 0, 0, 0.8]], "is 0.416, since map 3 has .* 2;"),
 ])

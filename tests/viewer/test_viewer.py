@@ -116,12 +116,6 @@ def test_a_page_knows_the_size_of_its_picture(folder):
     assert '"size":null' in page(codes.known("fern"))
 
 
-def test_numbers_that_are_none_make_no_page(tmp_path):
-    (tmp_path / "nan.json").write_text('{"ifs_m": [[[NaN, 0], [0, 0.5]]], "ifs_t": [[0, 0]]}')
-    assert "finite" in refusal(fractal_view, tmp_path / "nan.json", "-o", tmp_path / "nan.html")
-    assert not (tmp_path / "nan.html").exists()
-
-
 def test_as_many_maps_as_are_allowed_fit_into_a_page_with_their_colours():
     generator = torch.Generator().manual_seed(0)
     colours = Colours(torch.rand(1000, 3, generator=generator), torch.rand(1000, generator=generator))

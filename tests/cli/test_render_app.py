@@ -121,6 +121,21 @@ def test_a_morph_through_three_codes_and_back(tmp_path, capsys):
     (["fern", "tree", "a.gif", "--fps", "60"], "a GIF at most 50"),
     (["fern", "a.png", "--mode", "colour"], "the code has no colours to draw"),
     (["fern", "a.png", "--background", "white"], "--background changes nothing with --mode occupancy"),
+    (["fern", "a.png", "--fps", "30"], "--fps is for films; a.png is a still"),
+    (["fern", "a.png", "--seconds", "12"], "--seconds is for films"),
+    (["fern", "a.png", "--start-zoom", "2"], "--start-zoom is for films"),
+    (["fern", "a.png", "--loop"], "--loop is for films; a.png is a still"),
+    (["fern", "a.mp4", "--loop"], "--loop returns to the first of several codes"),
+    (["fern", "tree", "a.mp4", "--zoom", "9"], "--zoom is for a zoom into one code, not for a morph"),
+    (["fern", "tree", "a.mp4", "--center", "0", "0"], "--center is for a zoom into one code"),
+    (["fern", "tree", "a.mp4", "--start-zoom", "2"], "--start-zoom is for a zoom into one code"),
+    (["fern", "tree", "a.mp4", "--seed", "2"], "--seed is for a zoom into one code"),
+    (["fern", "tree", "a.mp4", "--frame", "own"], "--frame own would leave the codes where they are"),
+    (["fern", "tree", "a.png"], "2 codes make a film, which is .mp4, .webm, .gif, or .png with %04d"),
+    (["fern", "a.mp4", "--bits", "8"], "--bits is for stills; a.mp4 is a film"),
+    (["fern", "a.gif", "--transparent"], "--transparent is for stills"),
+    (["fern", "a.png", "--mode", "density", "--supersample", "8"], "--supersample changes nothing with --mode density"),
+    (["fern", "a.mp4", "--center", "0", "0", "--seed", "3"], "--seed chooses a film's target, which --center names"),
 ])
 def test_what_a_user_can_mend_is_one_line(folder, arguments, message):
     assert message in refusal(render_app, *arguments) and not list(folder.iterdir())

@@ -1,11 +1,9 @@
-"""Where a film zooms to unless told, and options of fractal-render that would change nothing."""
+"""Where a film zooms to unless told."""
 
 import numpy as np
 import pytest
-from commands import refusal
 
 from fractal_exp import IFS, View, codes
-from fractal_exp.cli import render as render_app
 from fractal_exp.ifs import attractor
 from fractal_exp.rendering import zoom as rich
 from fractal_exp.rendering.still import render_with_info
@@ -43,27 +41,6 @@ def test_a_film_of_a_code_that_flattens_does_not_end_in_stripes(index):
                for seed in range(4)]
     point = rich_point(code, 0, end_zoom=1e6)
     assert min(_richness(_look(tree, point, float(zoom))) for zoom in zooms) > max(1, 4 * max(stripes))
-
-
-@pytest.mark.parametrize(("arguments", "message"), [
-    (["a.png", "--fps", "30"], "--fps is for films; a.png is a still"),
-    (["a.png", "--seconds", "12"], "--seconds is for films"),
-    (["a.png", "--start-zoom", "2"], "--start-zoom is for films"),
-    (["a.png", "--loop"], "--loop is for films; a.png is a still"),
-    (["a.mp4", "--loop"], "--loop returns to the first of several codes"),
-    (["tree", "a.mp4", "--zoom", "9"], "--zoom is for a zoom into one code, not for a morph"),
-    (["tree", "a.mp4", "--center", "0", "0"], "--center is for a zoom into one code"),
-    (["tree", "a.mp4", "--start-zoom", "2"], "--start-zoom is for a zoom into one code"),
-    (["tree", "a.mp4", "--seed", "2"], "--seed is for a zoom into one code"),
-    (["tree", "a.mp4", "--frame", "own"], "--frame own would leave the codes where they are"),
-    (["tree", "a.png"], "2 codes make a film, which is .mp4, .webm, .gif, or .png with %04d"),
-    (["a.mp4", "--bits", "8"], "--bits is for stills; a.mp4 is a film"),
-    (["a.gif", "--transparent"], "--transparent is for stills"),
-    (["a.png", "--mode", "density", "--supersample", "8"], "--supersample changes nothing with --mode density"),
-    (["a.mp4", "--center", "0", "0", "--seed", "3"], "--seed chooses a film's target, which --center names"),
-])
-def test_an_option_that_would_change_nothing_is_refused(arguments, message, folder):
-    assert message in refusal(render_app, "fern", *arguments) and not list(folder.iterdir())
 
 
 @pytest.mark.slow

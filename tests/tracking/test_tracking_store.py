@@ -50,7 +50,6 @@ sys.exit(sum(os.wait()[1] == 0 for _ in range(4)))
 """
 
 
-
 # Where it is
 
 def test_store_is_sqlite_in_wal_mode_at_an_absolute_path(uri):

@@ -87,24 +87,6 @@ def test_a_finished_fit_is_not_repeated_on_resume_but_another_is_refused(picture
         train(*settings, "resume=true", "seed=1")
 
 
-@pytest.mark.slow
-def test_a_killed_fit_goes_on_in_the_same_run_to_the_same_code(picture, tmp_path):
-    settings = ["target=image", f"target.path={picture}", "iterations=60", "resume=true"]
-    train(*settings, f"output={tmp_path / 'whole'}", "tracking=none")
-    output = tmp_path / "killed"
-    folder = output / "fits" / "fit"
-    process = command(*settings, f"output={output}")
-    wait_for((folder / "checkpoint.safetensors").exists, "waited for a checkpoint", process)
-    process.send_signal(signal.SIGKILL)
-    process.communicate()
-    assert (folder / "checkpoint.safetensors").exists() and not (folder / "finished.json").exists()
-    train(*settings, f"output={output}")
-    assert (folder / "code.json").read_text() == (
-        tmp_path / "whole" / "fits" / folder.name / "code.json").read_text()
-    frame = runs_frame(f"sqlite:///{output / 'mlflow.db'}", "fits")
-    assert list(frame["status"]) == ["FINISHED"], "one run, gone on with"
-
-
 @pytest.fixture
 def heard():
     """Where nohup started the tests, they ignore the end of a terminal, and so does all that they start."""
@@ -251,13 +233,12 @@ BAD = {
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_bad_input_is_refused_before_any_work(name, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def test_bad_input_is_refused_before_any_work(name, folder):
     overrides, message = BAD[name]
-    output = [] if any(o.startswith("output=") for o in overrides) else [f"output={tmp_path}"]
+    output = [] if any(o.startswith("output=") for o in overrides) else [f"output={folder}"]
     with pytest.raises(InputError, match=message):
         train(*output, *overrides)
-    assert not (tmp_path / "mlflow.db").exists() and not (tmp_path / "fits" / "fit" / "config.yaml").exists()
+    assert not (folder / "mlflow.db").exists() and not (folder / "fits" / "fit" / "config.yaml").exists()
 
 
 def test_the_command_prints_an_error_as_one_line(tmp_path):

@@ -38,7 +38,8 @@ class SearchParams(Params):
 
     restarts: Annotated[int, Field(ge=1, le=1000)] = 5
     """Searches from random maps in the first round, and one more where `camera.curves` lets an image be a density.
-    Later rounds may have half as many."""
+    Later rounds may have half as many. A picture of a part of a shape has four times as many, of a quarter of the
+    moves."""
     mixture: bool = True
     """Whether non-negative least squares mix the maps of all restarts, and the search goes on from the mixture."""
     moves: Count = 50

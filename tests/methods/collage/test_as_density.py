@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 import torch
-from collage_helpers import UNPOLISHED, dot_camera, pen_camera
+from collage_helpers import UNPOLISHED, dot_camera, pen_camera, tied
 
 from fractal_exp import codes
 from fractal_exp.cameras.camera import Camera
@@ -20,12 +20,12 @@ from fractal_exp.methods.collage.bins import correction
 from fractal_exp.methods.collage.method import Collage
 from fractal_exp.methods.collage.params import CollageParams
 from fractal_exp.methods.collage.stages import plan_of
-from fractal_exp.methods.collage.stages.base import SHORTER, SearchProblem
+from fractal_exp.methods.collage.stages.base import SPLIT, SearchProblem
 from fractal_exp.methods.collage.stages.construction import Construction
 from fractal_exp.methods.collage.stages.drawn import AsDensity, DrawnMoves
 from fractal_exp.methods.collage.stages.growth import Sketch
 from fractal_exp.methods.collage.stages.image import Approach
-from fractal_exp.methods.collage.stages.measure import Detail, Restart
+from fractal_exp.methods.collage.stages.measure import Detail, FromMixture, Restart
 from fractal_exp.methods.collage.state import Candidate, State
 from fractal_exp.runtime.deadline import Deadline
 
@@ -197,15 +197,42 @@ def test_no_strokes_are_sought_in_a_density():
     assert not Construction(given).is_wanted(State(best=far, measured_through=CURVE))
 
 
+def part(**options):
+    """A problem whose image shows a part of a shape."""
+    given = problem(**options)
+    return replace(given, levels=given.levels.within(Known(left=-1.0, bottom=-1.0, right=0.3, top=1.0)))
+
+
 def test_a_part_has_more_and_shorter_restarts_on_each_measure_that_it_may_show():
-    levels = levels_of(CURVED, DRAWN, CAMERA)
-    plans = [plan_of(SearchProblem(CURVED, each, PARAMS.updated(search={"restarts": 2, "moves": 50})))
-             for each in (levels, levels.within(Known(left=-1.0, bottom=-1.0, right=0.3, top=1.0)))]
-    whole, part = ([each for each in plan.rounds[0] if isinstance(each, Restart)] for plan in plans)
-    assert {each.expected_moves for each in whole} == {50} and {each.expected_moves for each in part} == {13}
-    assert len(part) == SHORTER * len(whole) and sum(isinstance(each, AsDensity) for each in part) == 2 * SHORTER
-    assert [each.key for each in part] == sorted((each.key for each in part), key=lambda key: key.place)
-    assert len({(each.stream, getattr(each, "measured", None)) for each in part}) == len(part), "a search is repeated"
+    options = {"search": {"restarts": 300, "moves": 50}, "rounds": 2}
+    whole, cut = ([each for stages in plan_of(given).rounds for each in stages if isinstance(each, Restart)]
+                  for given in (problem(**options), part(**options)))
+    assert {each.expected_moves for each in whole} == {50} and {each.expected_moves for each in cut} == {13}
+    assert len(cut) == SPLIT * len(whole) and sum(isinstance(each, AsDensity) for each in cut) == 2 * SPLIT
+    assert [each.key for each in cut] == sorted((each.key for each in cut), key=lambda key: key.place)
+    assert len({(each.stream, getattr(each, "measured", None)) for each in cut}) == len(cut), "a search is repeated"
+
+
+def test_restarts_of_a_part_do_not_end_because_two_agree():
+    stages = [Restart(given, restart=2) for given in (problem(), part())]
+    agreeing = State(best=replace(tied(affine.from_code(FERN).float()), score=0.5), scores=(0.5, 0.5))
+    assert [stage.is_wanted(agreeing) for stage in stages] == [False, True]
+
+
+def test_the_time_of_a_part_goes_to_the_stages_on_its_measure_but_others_begin_in_time():
+    given = replace(part(stages={"largest_side": 64}), deadline=Deadline(60, lambda: 0.0))
+    ends, whole = ({type(stage): stage.deadline.seconds for stage in plan_of(each).rounds[0]}
+                   for each in (given, replace(problem(), deadline=given.deadline)))
+    in_order = [ends[each] for each in (Restart, FromMixture, Detail, Approach, DrawnMoves)]
+    assert in_order == sorted(in_order)
+    assert ends[Detail] > whole[Detail] and ends[DrawnMoves] == whole[DrawnMoves]
+
+
+def test_a_part_is_not_searched_for_a_construction_that_would_have_to_be_whole():
+    drawing = problem(DRAWING)
+    known = Known(left=-1.0, bottom=-1.0, right=0.3, top=1.0)
+    assert Construction.may_help(drawing)
+    assert not Construction.may_help(replace(drawing, levels=drawing.levels.within(known)))
 
 
 def test_a_search_that_is_cut_short_returns_the_camera_of_its_code():

@@ -269,7 +269,7 @@ def test_mixing_searches_takes_the_right_maps_from_each(triangle):
     true = affine.from_code(code)
     wrong = affine.sending(affine.random_matrices(12, 0.2, 0.6, 0.05, torch.Generator().manual_seed(1)),
                            torch.zeros(12, 2), torch.zeros(12, 2))
-    mixed = search.mixed(torch.cat([wrong[:6], true[:2], wrong[6:], true[2:]]))
+    mixed = search.mixed(torch.cat([wrong[:6], true[:2], wrong[6:], true[2:]]), tied(wrong))
     near = distances(true, mixed.maps, search.measure).min(1).values * 64
     assert bool((near < 1).all()) and len(mixed.maps) < 6
 

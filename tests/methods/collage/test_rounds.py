@@ -84,7 +84,7 @@ def test_a_search_without_isometries_finds_and_takes_none():
         some = measure_search(masses, 32, smaller=smaller)
         begun = some.start()
         most[smaller] = [float(affine.smaller_singular(each.maps).max()) for each in
-                         (some.mixed(pool), some.resume(tied(pool)), begun, some.step(begun, 0))]
+                         (some.mixed(pool, begun), some.resume(tied(pool)), begun, some.step(begun, 0))]
     assert max(most[0.9]) < 0.9 + 1e-4 and min(most[1.0][:2]) > 0.9
 
 

@@ -183,8 +183,9 @@ class MeasureSearch:
                              backgrounds=slack * self.coarse.bins[None])
         return self.mixture_of(pool.view(-1, 6), self.coarse, START_MIXTURE)
 
-    def mixed(self, pool: Tensor) -> Candidate:
-        """The best mixture of maps (M,6) from several searches: right maps recur, wrong ones differ."""
+    def mixed(self, pool: Tensor, best: Candidate) -> Candidate:
+        """The best mixture of maps (M,6) from several searches, whose best set is `best`: right maps recur, wrong ones
+        differ."""
         limit = self.smaller_limit + LIMIT_TOLERANCE
         return self.mixture_of(pool[affine.smaller_singular(pool) < limit], self.measure, RESTARTS_MIXTURE)
 

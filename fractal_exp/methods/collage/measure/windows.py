@@ -44,7 +44,8 @@ def seen(masses: Tensor, size: int, known: Known | None, grids: int = BinnedMeas
 
 def completed(measures: Sequence[BinnedMeasure], found: WeightedMaps, resolution: int, known: Known | None, seed: int
               ) -> list[BinnedMeasure]:
-    """The measure of an image (R,R), on several grids, that goes on beyond it as the attractor of a code does."""
+    """Measures of an image (R,R), each on a grid of its own, that go on beyond what is known as the attractor of a code
+    does. Where all is known, they stay as they are."""
     if known is None:
         return list(measures)
     points = attractor_points(found.maps, found.probabilities, POINTS, seed)
@@ -95,6 +96,10 @@ class WindowSearch(MeasureSearch):
         self._complete(found)
         return super().resume(found)
 
+    def mixed(self, pool: Tensor, best: Candidate) -> Candidate:
+        self._complete(best)
+        return super().mixed(pool, best)
+
     def step(self, now: Candidate, number: int) -> Candidate:
         return super().step(self.judged(now.maps, now.own_weights, now.error), number)
 
@@ -109,8 +114,7 @@ class WindowSearch(MeasureSearch):
         return [self._settled(maps, weights) for maps, weights, _ in super()._neighbours(sets)]
 
     def _settled(self, maps: Tensor, weights: Tensor) -> tuple[Tensor, Tensor, float]:
-        """A set that has descended on what the set before it completes, after a descent on what it completes itself,
-        and its error there."""
+        """A set after its second descent, on what it completes itself, and its error there."""
         self._complete(WeightedMaps(maps, weights))
         maps, weights, _ = self.descend_one(maps, weights, NEIGHBOUR)
         self._complete(WeightedMaps(maps, weights))

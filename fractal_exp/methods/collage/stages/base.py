@@ -30,8 +30,7 @@ EXACT_ROUNDS = 2        # on renderings, if rounds continue from each other
 DRAWN_ROUNDS = 3        # on pictures that others drew
 ROUND_SECONDS = 30.0    # in which a round finds something, on an image of at most ROUND_SIDE pixels per side
 ROUND_SIDE = 256
-SHORTER = 4             # in a part of a shape: a restart finds the maps in its first moves, or ends far from them
-PART_PACE = 0.75        # there, the stages on the measure have more of the time: they find the maps, or nothing does
+SPLIT = 4               # short restarts of a part of a shape: one finds the maps in its first moves, or ends far off
 LATER_RESTARTS = 0.5    # share of the restarts, rounded up, in rounds that are not full
 # Shares of a round's part of the time limit at which its moves end, and those of all later rounds
 ROUND_ENDS = 0.95
@@ -43,15 +42,12 @@ DRAWN_BLUR_PX = 3.0     # more in each later round: from afar, a construction th
 @dataclass(frozen=True)
 class Timetable:
     """When the parts of a search end. Each of the first rounds, `parts` of them, has an equal part of the time limit.
-    Later rounds have what is left of the last part. round_ends: the share of a part at which a round ends; pace: how
-    much time is left after a stage, relative to what usually is.
-    """
+    Later rounds have what is left of the last part. round_ends: the share of a part at which a round ends."""
 
     limit: Deadline
     rounds: int
     parts: int
     round_ends: float
-    pace: float = 1.0
 
     def part_end(self, number: int, share: float = 1.0) -> Deadline:
         """When this share of a round's part has passed."""
@@ -66,9 +62,7 @@ class Timetable:
         ends with its round, as all stages of rounds without a part do."""
         if share is None or self.parts <= number < self.rounds:
             return self.round_end(number)
-        if number >= self.rounds:
-            return self.limit.until(share)
-        return self.part_end(number, 1 - self.pace * (1 - share))
+        return self.limit.until(share) if number >= self.rounds else self.part_end(number, share)
 
 
 @dataclass(frozen=True)
@@ -142,17 +136,16 @@ class SearchProblem:
         """When rounds and stages end."""
         exact = BINARY_ROUND_ENDS if self.is_framed_firmly else ROUND_ENDS
         return Timetable(self.deadline, self.rounds, self.full_rounds,
-                         exact if self.levels.is_exact else DRAWN_ROUND_ENDS,
-                         1.0 if self.levels.known is None else PART_PACE)
+                         exact if self.levels.is_exact else DRAWN_ROUND_ENDS)
 
     @property
-    def shorter(self) -> int:
-        """How many times shorter restarts are than usual, and how many times more of them there are."""
-        return 1 if self.levels.known is None else SHORTER
+    def split(self) -> int:
+        """The number of short restarts in the place of each, which share its moves."""
+        return 1 if self.levels.known is None else SPLIT
 
     def restarts(self, number: int) -> int:
         """Number of restarts in a round."""
-        restarts = self.shorter * self.params.search.restarts
+        restarts = self.split * self.params.search.restarts
         return restarts if number < self.full_rounds else math.ceil(restarts * LATER_RESTARTS)
 
     def masses_of(self, number: int, measured_through: Camera | None = None) -> Tensor:
@@ -170,13 +163,22 @@ class SearchProblem:
             return self.levels.camera
         from ....cameras.estimate import estimated  # for other pictures alone
 
-        numbers = [each for each in (code.linear, code.offset, code.probabilities) if each is not None]
-        key = measured_through, *(each.cpu().numpy().tobytes() for each in numbers)
+        key = measured_through, *_bytes_of(code)
         if key not in self._cameras:
             levels = with_camera(self.levels, measured_through)
             seed = derive(self.seed, "camera")
             self._cameras[key] = estimated(self.image, levels, code, seed) or self.levels.camera
         return self._cameras[key]
+
+    def angle_as_density(self, code: IFS) -> float:
+        """The least angle of error between the image and the density of a code, computed once for each code."""
+        from ....cameras.estimate import angle_as_density
+
+        key = tuple(_bytes_of(code))
+        if key not in self._angles:
+            seed = derive(self.seed, "as density")
+            self._angles[key] = angle_as_density(self.image, self.levels, code, seed)
+        return self._angles[key]
 
     def camera_of(self, found: Candidate) -> Camera:
         """The camera of a candidate; one that has none yet, as where a search is cut short, gets the estimate."""
@@ -186,6 +188,11 @@ class SearchProblem:
     def _cameras(self) -> dict[tuple[object, ...], Camera]:
         """The cameras estimated so far, by all that they depend on. One takes a second or two, and several stages ask
         for that of the same code."""
+        return {}
+
+    @cached_property
+    def _angles(self) -> dict[tuple[bytes, ...], float]:
+        """The angles computed so far, as some take seconds."""
         return {}
 
     def objective(self, size: int, code: IFS, seed: int, renderings: int = 1,
@@ -220,6 +227,11 @@ class SearchProblem:
 
             kind = DrawnSearch
         return kind(objective, masses, noise=objective.noise(code), seed=seed, deadline=deadline)
+
+
+def _bytes_of(code: IFS) -> list[bytes]:
+    """All numbers of a code, to tell it from others."""
+    return [each.cpu().numpy().tobytes() for each in (code.linear, code.offset, code.probabilities) if each is not None]
 
 
 class Stage(ABC):

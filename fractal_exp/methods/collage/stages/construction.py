@@ -15,8 +15,7 @@ from ....likeness import ALIKE, TILED_MAPS, UNLIKE
 from ....runtime.seeds import derive
 from ..image.camera import MOST_MAPS, STROKED, Fit, angle_of, in_turns, polish_under
 from ..image.objective import ImageObjective, Rendered
-from ..measure.search import Regime
-from ..measure.windows import search_on
+from ..measure.search import MeasureSearch, Regime
 from ..simplify.loop import Price
 from ..state import Candidate, State
 from ..trees.registration import Registration, misfit_of
@@ -168,8 +167,8 @@ class Construction(Stage):
         most = (self.params.most_maps or tried.maps + 1) - (tried.camera == STROKES)
         few = self.params.updated(at_most=min(tried.maps, most), bytes=None, likeness=None)
         masses = blurred(self.problem.masses_of(self.round), tried.blur_px)
-        search = search_on(masses, self.problem.levels.known, Regime.whole(few), few,
-                           derive(self.problem.seed, "recursion", number), CONTRACTION)
+        seed = derive(self.problem.seed, "recursion", number)
+        search = MeasureSearch(masses, Regime.whole(few), few, seed, CONTRACTION)
         found = search.start()
         for move in range(few.search.moves):
             if self.deadline.passed:

@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ....cameras.camera import Camera
-from ....cameras.estimate import angle_as_density
 from ....cameras.levels import may_be_density, may_be_dots
 from ....cameras.pens import Dots, ToneMapped
 from ....likeness import UNLIKE
-from ....runtime.seeds import derive
 from ..image.objective import ImageObjective
 from ..simplify.drawn import simplified_in_every_way
 from ..simplify.loop import Draft
@@ -40,7 +38,7 @@ class AsDensity(Restart):
         kinds = {Dots.kind: may_be_dots(image), ToneMapped.kind: levels.params.curves and may_be_density(image)}
         wanted = [kind for kind, may_be in kinds.items()
                   if may_be and kind in levels.kinds and kind != levels.kind and levels.params.estimate]
-        each = [(kind, copy) for copy in range(problem.shorter) for kind in wanted]
+        each = [(kind, copy) for copy in range(problem.split) for kind in wanted]
         return [AsDensity(problem, kind, (k + 1) / (len(each) + 1), copy) for k, (kind, copy) in enumerate(each)]
 
     @property
@@ -56,14 +54,11 @@ class AsDensity(Restart):
 
     def close(self, state: State) -> State:
         found = state.now
-        if self._angle(found) >= self._angle(state.leader):
+        angle = self.problem.angle_as_density
+        if angle(found.code) >= angle(state.leader.code):
             return state
         return replace(state, best=found, scores=(found.score,), pool=state.pool_with(found.maps),
                        measured_through=self.measured)
-
-    def _angle(self, found: Candidate) -> float:
-        problem, seed = self.problem, derive(self.problem.seed, "as density")
-        return angle_as_density(problem.image, problem.levels, found.code, seed)
 
 
 class DrawnMoves(ImageMoves):

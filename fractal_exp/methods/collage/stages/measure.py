@@ -19,6 +19,7 @@ CONTRACTION = 0.9    # upper limit of the smaller singular value in rounds that 
 # Shares of a round's part of the time at which restarts, the search from their mixture, and stage 2 end
 RESTARTS_END, MIXTURE_ENDS, DETAIL_ENDS = 0.35, 0.45, 0.65
 AGREEMENT = 0.02        # relative difference of scores below which two restarts agree; the others are then skipped
+LEFT = 0.75             # of a part of a shape: time left after a stage, relative to that of a whole one
 NEAR = 12.0             # noise ratio of a set below which the moves that follow find what it lacks sooner than restarts
 
 
@@ -26,6 +27,13 @@ class MeasureStage(Stage):
     """A search on the image's measure."""
 
     search: MeasureSearch
+    ends_at: float
+
+    @property
+    def deadline(self) -> Deadline:
+        """Later in a part of a shape: there, these stages find the maps, or nothing does."""
+        share = self.ends_at if self.problem.levels.known is None else 1 - LEFT * (1 - self.ends_at)
+        return self.problem.times.stage_end(self.round, share)
 
     def _search_of(self, state: State, found: Candidate | None, regime: Regime, seed: int) -> MeasureSearch:
         """The search on the image's measure, which `found` corrects for saturation."""
@@ -59,7 +67,7 @@ class Restart(MeasureStage):
 
     @property
     def expected_moves(self) -> int:
-        return math.ceil(self.params.search.moves / self.problem.shorter)
+        return math.ceil(self.params.search.moves / self.problem.split)
 
     @property
     def latest_start(self) -> Deadline:
@@ -69,7 +77,7 @@ class Restart(MeasureStage):
     def is_wanted(self, state: State) -> bool:
         """False once two restarts of the round agree, or one is near. Short ones agree on wrong maps too often."""
         # above WRONG_NUMBER, the number of maps is wrong
-        scores = state.scores if self.problem.shorter == 1 else ()
+        scores = state.scores if self.problem.split == 1 else ()
         agree = len(scores) > 1 and scores[1] < min(WRONG_NUMBER, (1 + AGREEMENT) * state.leader.score)
         return not agree and not self._is_near(state)
 
@@ -91,7 +99,7 @@ class Restart(MeasureStage):
     @property
     def stream(self) -> tuple[str | int, ...]:
         """The path of the seed. Its word names a random stream: another word gives other numbers."""
-        return "island", 1000 * self.round + int(self.restart)
+        return "island", 1000 * self.problem.split * self.round + int(self.restart)
 
     def close(self, state: State) -> State:
         found = state.now
@@ -99,7 +107,7 @@ class Restart(MeasureStage):
         alone = state.best is None and (state.before is None or self.problem.has_independent_rounds)
         candidates = [found] if alone else [state.best or found, found]
         if self.params.search.mixture and not alone:
-            candidates.append(self.search.mixed(pool))
+            candidates.append(self.search.mixed(pool, min(candidates, key=lambda candidate: candidate.score)))
         best = min(candidates, key=lambda candidate: candidate.score)
         return replace(state, best=best, scores=scores, pool=pool)
 
@@ -112,7 +120,7 @@ class FromMixture(MeasureStage):
     @property
     def expected_moves(self) -> int:
         search = self.params.search
-        return search.moves if search.restarts > 1 and search.mixture else 0
+        return search.moves if self.problem.split * search.restarts > 1 and search.mixture else 0
 
     def open(self, state: State) -> State:
         seed = derive(self.problem.seed, "closing", self.round)

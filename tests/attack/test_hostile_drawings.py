@@ -79,8 +79,9 @@ def test_films_of_no_size_are_refused(words, tmp_path):
 
 
 @pytest.mark.parametrize("name", ["%04d%04d.png", "%99999999d.png", "code.json/%04d.png", "no/film.gif", "\0.gif"])
-def test_films_of_no_file_are_refused(name):
+def test_films_of_no_file_are_refused(name, tmp_path):
     refusal(render, "code.json", name, *FILM[2:], "--seconds", "0.1")
+    assert [path.name for path in tmp_path.iterdir()] == ["code.json"]
 
 
 @pytest.mark.parametrize("name", ["code.json", "code.json/inner"])

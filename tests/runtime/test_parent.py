@@ -85,6 +85,7 @@ time.sleep(600)
 def test_a_command_of_others_ends_with_the_process_that_started_it():
     with subprocess.Popen([sys.executable, "-c", STARTING], stdout=subprocess.PIPE, text=True) as starter:
         pid = int(starter.stdout.readline())
+        assert parent.is_alive(pid)
         starter.kill()
     ends(pid)
 

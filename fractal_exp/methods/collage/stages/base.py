@@ -30,7 +30,7 @@ EXACT_ROUNDS = 2        # on renderings, if rounds continue from each other
 DRAWN_ROUNDS = 3        # on pictures that others drew
 ROUND_SECONDS = 30.0    # in which a round finds something, on an image of at most ROUND_SIDE pixels per side
 ROUND_SIDE = 256
-SPLIT = 4               # short restarts of a part of a shape: one finds the maps in its first moves, or ends far off
+SPLIT = 4               # by which a restart of a part of a shape is split: it finds maps in its first moves, or never
 LATER_RESTARTS = 0.5    # share of the restarts, rounded up, in rounds that are not full
 # Shares of a round's part of the time limit at which its moves end, and those of all later rounds
 ROUND_ENDS = 0.95
@@ -140,7 +140,7 @@ class SearchProblem:
 
     @property
     def split(self) -> int:
-        """The number of short restarts in the place of each, which share its moves."""
+        """The number of short restarts that share the moves of one."""
         return 1 if self.levels.known is None else SPLIT
 
     def restarts(self, number: int) -> int:

@@ -25,7 +25,8 @@ HOPELESS = 0.7   # likeness below which a picture is assumed to show no code, so
 
 class AsDensity(Restart):
     """A restart on the image as a density that a camera of this kind sees. The search stays with this measure if the
-    code that was found on it explains the image better as a density than the best code before."""
+    code that was found on it explains the image better as a density than the best code before. copy: from 0; each has
+    random numbers of its own."""
 
     def __init__(self, problem: SearchProblem, kind: str, restart: float, copy: int = 0):
         super().__init__(problem, 0, restart)

@@ -19,7 +19,7 @@ CONTRACTION = 0.9    # upper limit of the smaller singular value in rounds that 
 # Shares of a round's part of the time at which restarts, the search from their mixture, and stage 2 end
 RESTARTS_END, MIXTURE_ENDS, DETAIL_ENDS = 0.35, 0.45, 0.65
 AGREEMENT = 0.02        # relative difference of scores below which two restarts agree; the others are then skipped
-LEFT = 0.75             # of a part of a shape: time left after a stage, relative to that of a whole one
+LEFT = 0.75             # time left after a stage on a part of a shape, relative to that on a whole one
 NEAR = 12.0             # noise ratio of a set below which the moves that follow find what it lacks sooner than restarts
 
 

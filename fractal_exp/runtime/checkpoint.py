@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import json
 import os
-import reprlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,7 +17,7 @@ from torch import Tensor
 from ..errors import InputError
 from .checks import shown
 from .files import checked, parse_record, read_file, write_atomically
-from .tensors import packed, unpacked
+from .tensors import differences, packed, unpacked, word
 
 FORMAT = "fractal-exp/checkpoint/3"
 MOST = 2**53  # iterations
@@ -38,14 +37,12 @@ class Snapshot:
     def like(self, tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
         """Its tensors, each on the device of the one in `tensors` that it takes the place of. Raises `InputError`
         unless names, shapes and types are the same, and on a NaN."""
-        found, names = self.tensors, sorted({*self.tensors, *tensors})
-        wrong = [f"{_word(name)}: {_kind(found.get(name))} there, {_kind(tensors.get(name))} now" for name in names
-                 if _kind(found.get(name)) != _kind(tensors.get(name))]
-        wrong = wrong or [f"{name} has a NaN" for name in names if bool(found[name].isnan().any())]
+        wrong = differences(self.tensors, tensors) or [
+            f"{name} has a NaN" for name, value in self.tensors.items() if bool(value.isnan().any())]
         if wrong:
             raise InputError(f"the checkpoint is of another search ({'; '.join(wrong[:4])}); use the settings that it "
                              "was made with, or start afresh with resume=false")
-        return {name: found[name].to(value.device) for name, value in tensors.items()}
+        return {name: self.tensors[name].to(value.device) for name, value in tensors.items()}
 
     def holds(self, prefix: str) -> bool:
         """Whether the names of any of its tensors begin so."""
@@ -149,16 +146,5 @@ def compare(old: Any, new: Any, path: str = "") -> list[str]:
     if isinstance(old, Mapping) and isinstance(new, Mapping):
         keys = sorted(set(old) | set(new))
         return [line for key in keys for line in
-                compare(old.get(key, "absent"), new.get(key, "absent"), f"{path}.{_word(key)}" if path else _word(key))]
+                compare(old.get(key, "absent"), new.get(key, "absent"), f"{path}.{word(key)}" if path else word(key))]
     return [] if old == new else [f"{path}: {shown(old)} there, {shown(new)} now"]
-
-
-def _kind(tensor: Tensor | None) -> str:
-    if tensor is None:
-        return "absent"
-    kind = "" if tensor.dtype == torch.float32 else f" of {tensor.dtype}"
-    return f"{'×'.join(map(str, tensor.shape)) or 'a number'}{kind}"
-
-
-def _word(key: str) -> str:
-    return key if key.isprintable() and len(key) < 40 else reprlib.repr(key)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import reprlib
 from collections.abc import Mapping
 
 import torch
@@ -39,6 +40,24 @@ def unpacked(data: bytes, format: str, key: str, source: str) -> tuple[dict[str,
     if digest(tensors, note) != notes.get("sha256"):
         raise InputError(f"{source} is damaged: its content does not give its checksum")
     return tensors, note, notes["sha256"]
+
+
+def differences(found: Mapping[str, Tensor], expected: Mapping[str, Tensor]) -> list[str]:
+    """Where named tensors differ from what is expected in name, shape or type, each in a few words."""
+    return [f"{word(name)}: {_kind(found.get(name))}, expected {_kind(expected.get(name))}"
+            for name in sorted({*found, *expected}) if _kind(found.get(name)) != _kind(expected.get(name))]
+
+
+def word(name: str) -> str:
+    """A name from a file, as it may be shown."""
+    return name if name.isprintable() and len(name) < 40 else reprlib.repr(name)
+
+
+def _kind(tensor: Tensor | None) -> str:
+    if tensor is None:
+        return "absent"
+    kind = "" if tensor.dtype == torch.float32 else f" of {tensor.dtype}"
+    return f"{'×'.join(map(str, tensor.shape)) or 'a number'}{kind}"
 
 
 def digest(tensors: Mapping[str, Tensor], note: str) -> str:

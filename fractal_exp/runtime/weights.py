@@ -14,7 +14,7 @@ from torch import Tensor, nn
 
 from ..errors import InputError
 from .files import parse_json, read_file, write_atomically
-from .tensors import packed, unpacked
+from .tensors import differences, packed, unpacked
 
 FORMAT = "fractal-exp/weights/1"
 LARGEST_FILE = 2**31  # bytes
@@ -34,18 +34,9 @@ class Weights:
     def check(self, network: nn.Module) -> None:
         """Raise `InputError` unless the tensors have the names, shapes and types of this network's, which may be on
         torch's meta device, and all values are finite."""
-        state = network.state_dict()
-        expected = {name: tuple(value.shape) for name, value in state.items()}
-        if odd := sorted(set(self.tensors) ^ set(expected)):
-            raise InputError(f"{self.source} does not hold this network: {odd[0]} is "
-                             f"{'missing' if odd[0] in expected else 'unknown'}")
+        if odd := differences(self.tensors, network.state_dict()):
+            raise InputError(f"{self.source} does not hold this network: {'; '.join(odd[:4])}")
         for name, value in self.tensors.items():
-            if tuple(value.shape) != expected[name]:
-                raise InputError(f"{self.source} does not hold this network: {name} has shape {tuple(value.shape)}, "
-                                 f"expected {expected[name]}")
-            if value.dtype != state[name].dtype:
-                raise InputError(f"{self.source} does not hold this network: {name} is {value.dtype}, expected "
-                                 f"{state[name].dtype}")
             if not bool(torch.isfinite(value).all()):
                 raise InputError(f"{self.source} has NaN or infinite values in {name}")
 

@@ -151,8 +151,8 @@ def test_the_released_range_is_what_this_distance_is_fed_with_anyway():
 
 
 @pytest.mark.parametrize("name, change, message", [
-    ("layers__2__weight", lambda x: x[:, :4].contiguous(), "layers.2.weight has shape"),
-    ("layers__4__bias", None, "layers.4.bias is missing"),
+    ("layers__2__weight", lambda x: x[:, :4].contiguous(), "layers.2.weight: 24×4×3×3, expected 24×8×3×3"),
+    ("layers__4__bias", None, "layers.4.bias: absent, expected 48"),
     ("layers__0__bias", lambda x: x * float("nan"), "NaN or infinite values in layers.0.bias"),
     ("channel_weights__1", lambda x: -x, "channel_weights.1 must not be negative")])
 def test_a_file_of_another_network(file, tmp_path, name, change, message):

@@ -12,18 +12,17 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 from filelock import FileLock, Timeout
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
 from ..errors import InputError
 from ..ifs.code import IFS
-from ..runtime.files import explain, read_file, write_atomically
+from ..runtime.files import explain, read_record, write_atomically
 from ..viewer.page import MOST_MAPS
 from . import saving
 from .reading import Reading
 from .tasks import Settings
 
 WORK, STATE, CODE, CHECKPOINT, LOCK = "session", "session.json", "code.json", "search.safetensors", ".lock"
-MOST_BYTES = 16 * 2**20
 
 Pair = tuple[float, float]
 
@@ -107,12 +106,9 @@ class Folder:
 
     def state(self) -> tuple[State, IFS | None]:
         """What `keep` wrote. Raises `InputError` where it is damaged."""
-        try:
-            state = State.model_validate_json(read_file(self.path / STATE, "the session", MOST_BYTES))
-            Reading(**state.reading)
-            Settings(**state.settings)
-        except ValidationError as error:
-            raise InputError(f"{self.path / STATE} is damaged ({error.errors()[0]['msg']}); delete it") from None
+        state = read_record(self.path / STATE, "the session", State)
+        Reading(**state.reading)
+        Settings(**state.settings)
         if Path(state.picture).name != state.picture:
             raise InputError(f"{self.path / STATE} is damaged (its picture lies elsewhere); delete it")
         return state, IFS.load(self.path / CODE) if (self.path / CODE).exists() else None

@@ -119,7 +119,7 @@ def _column(runs: pd.DataFrame, name: str, planned: list[str]) -> pd.Series:
     return pd.Series(values, dtype=object if name.startswith(("tags", "status", "run_id")) else None)
 
 
-def summary(sweep: Sweep, *, seed: int = 0) -> pd.DataFrame:
+def summary(sweep: Sweep) -> pd.DataFrame:
     """The table: a row for each row of the sweep, then the trivial images, then the published rows (column `source`).
 
     For each metric: its mean over the finished jobs of the row, NAME_low and NAME_high (bootstrap 95% interval over
@@ -129,13 +129,13 @@ def summary(sweep: Sweep, *, seed: int = 0) -> pd.DataFrame:
     from gain_low to gain_high (bootstrap 95% interval over samples). Absent numbers are NaN.
     """
     jobs = sweep.jobs
-    rows = [_measured(sweep, str(row), group, seed) for row, group in jobs.groupby("row", sort=False)]
+    rows = [_measured(sweep, str(row), group) for row, group in jobs.groupby("row", sort=False)]
     reference = jobs[jobs["row"] == sweep.baseline] if sweep.baseline else jobs
     for key, title in TRIVIAL_ROWS.items():
         if f"metric.{key}/f1" in jobs:
             once = reference[reference["status"] == "FINISHED"].drop_duplicates("sample")
             rows.append({"row": title, "source": TRIVIAL, "finished": len(once),
-                         **_scores(once, sweep.metrics, seed, f"{key}/")})
+                         **_scores(once, sweep.metrics, f"{key}/")})
     if sweep.published:
         table = TABLES[sweep.published]
         rows += [{"row": row, "source": PUBLISHED, **dict(zip(COLUMNS, values, strict=True)),
@@ -143,29 +143,28 @@ def summary(sweep: Sweep, *, seed: int = 0) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def _measured(sweep: Sweep, row: str, group: pd.DataFrame, seed: int) -> dict[str, object]:
+def _measured(sweep: Sweep, row: str, group: pd.DataFrame) -> dict[str, object]:
     finished = group[group["status"] == "FINISHED"]
     failed = int((group["status"] == "FAILED").sum())
     line = {"row": row, "source": MEASURED, "finished": len(finished), "failed": failed,
             "unfinished": len(group) - len(finished) - failed, "seconds": finished["seconds"].mean(),
-            "evaluations": finished["evaluations"].mean(),
-            **_scores(finished, sweep.metrics, seed)}
+            "evaluations": finished["evaluations"].mean(), **_scores(finished, sweep.metrics)}
     if sweep.baseline and row != sweep.baseline and "metric.f1" in sweep.jobs:
         baseline = sweep.jobs[(sweep.jobs["row"] == sweep.baseline) & (sweep.jobs["status"] == "FINISHED")]
         pairs = finished.merge(baseline, on="sample", suffixes=("", "_baseline"))
         gains = (pairs["metric.f1"] - pairs["metric.f1_baseline"]).dropna().to_numpy(dtype=float)
-        low, high = bootstrap_interval(gains, seed)
+        low, high = bootstrap_interval(gains)
         line |= {"wins": int((gains > 0).sum()), "compared": len(gains), "gain_low": low, "gain_high": high,
                  "gain": float(gains.mean()) if len(gains) else np.nan}
     return line
 
 
-def _scores(jobs: pd.DataFrame, metrics: list[str], seed: int, prefix: str = "") -> dict[str, float]:
+def _scores(jobs: pd.DataFrame, metrics: list[str], prefix: str = "") -> dict[str, float]:
     scores = {}
     for name in metrics:
         column = f"metric.{prefix}{name}"
         values = jobs[column].dropna().to_numpy(dtype=float) if column in jobs else np.empty(0)
-        low, high = bootstrap_interval(values, seed)
+        low, high = bootstrap_interval(values)
         scores |= {name: float(values.mean()) if len(values) else np.nan, f"{name}_low": low, f"{name}_high": high,
                    f"{name}_std": float(values.std(ddof=1)) if len(values) > 1 else np.nan}
     return scores
@@ -205,9 +204,9 @@ def same_rows(sweep: Sweep) -> list[list[str]]:
     return [rows for rows in groups.values() if len(rows) > 1]
 
 
-def spread(sweep: Sweep, metric: str = "f1") -> pd.DataFrame:
-    """One metric of every finished job, by row of the table and sample, in the order of the plan."""
+def spread(sweep: Sweep) -> pd.DataFrame:
+    """The F1 of every finished job, by row of the table and sample, in the order of the plan."""
     finished = sweep.jobs[sweep.jobs["status"] == "FINISHED"]
-    table = finished.pivot_table(index="row", columns="sample", values=f"metric.{metric}", sort=False)
+    table = finished.pivot_table(index="row", columns="sample", values="metric.f1", sort=False)
     order = list(dict.fromkeys(sweep.jobs["sample"].dropna()))
     return table.reindex(columns=[name for name in order if name in table])

@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from ..ifs import attractor
+from ..ifs import affine, attractor
 from ..ifs.code import IFS, PROBABILITY_FLOOR
 from ..methods.pretrained import Pretrained
 from ..rendering.still import points_per_view
@@ -66,7 +66,7 @@ def training_code(seed: int) -> IFS:
 
 def rows(code: IFS) -> Maps:
     """Its maps (N,6), rows a b c d e f, float64."""
-    return torch.cat([code.linear.reshape(-1, 4), code.offset], 1).detach().double().numpy()
+    return affine.from_code(code).detach().double().numpy()
 
 
 def similar(maps: Maps, scale: float, shift: np.ndarray) -> Maps:

@@ -15,7 +15,7 @@ from typing import Any
 import torch
 
 from ..errors import InputError
-from ..ifs import attractor
+from ..ifs import affine, attractor
 from ..ifs.code import IFS, View
 from ..rendering.tone import NOTE, own_tone
 from ..runtime.checks import size_of
@@ -111,14 +111,13 @@ def _packed(code: IFS) -> dict[str, Any]:
 
     Written out, a thousand maps would be too long for a page.
     """
-    rows = torch.cat([code.linear.reshape(-1, 4), code.offset], 1)
     own = code.probabilities
     colours = None if code.colours is None else {"rgb": _base64(code.colours.rgb),
                                                  "blends": _base64(code.colours.blends)}
     notes = {key: text for key in ("title", "name", "ground") if (text := _line(code.meta.get(key)))}
     tone = {NOTE: tone.facts()} if (tone := own_tone(code)) else {}
-    return {"rows": _base64(rows), "probabilities": None if own is None else _base64(own), "colours": colours,
-            "meta": notes | tone}
+    return {"rows": _base64(affine.from_code(code)), "probabilities": None if own is None else _base64(own),
+            "colours": colours, "meta": notes | tone}
 
 
 def _base64(numbers: torch.Tensor) -> str:

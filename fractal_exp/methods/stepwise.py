@@ -33,8 +33,12 @@ SMALLEST_INPUT = 16  # pixels a side of a target
 
 
 class Walk(ABC):
-    """One method at work on one image. A step depends on the state before it and on its number alone, and makes a new
-    state, so that a state is all that a checkpoint has to keep."""
+    """One method at work on one checked image (R,R), float32, with its parameters and the seed of every random number.
+    A step depends on the state before it and on its number alone, and makes a new state, so that a state is all that a
+    checkpoint has to keep. Raises `InputError` if the method cannot take the image."""
+
+    def __init__(self, image: Tensor, params: Any, seed: int):
+        self.image, self.params, self.seed = image, params, seed
 
     @abstractmethod
     def start(self) -> State:
@@ -69,6 +73,7 @@ class Stepwise(Method):
     the parameters of `Params`. Raises `InputError` on values out of range.
     """
 
+    walk: ClassVar[type[Walk]]  # the work on an image
     unit: ClassVar[str]      # what a step is called, in the plural; the parameter of this name is the budget
     budget: ClassVar[int]    # that two cores finish in minutes
     Params: ClassVar[type[Params]]
@@ -94,17 +99,17 @@ class Stepwise(Method):
         """The budget."""
         return getattr(self.params, self.unit)
 
-    @abstractmethod
-    def walk(self, image: Tensor) -> Walk:
-        """The work on a checked image (R,R), float32. Raises `InputError` if the method cannot take it."""
+    def begun(self, target: AnyTarget) -> Walk:
+        """The work on a target. Raises `InputError` if the method cannot take it."""
+        return self.walk(check_target(target).to(self.device), self.params, self.seed)
 
     def check(self, target: AnyTarget) -> None:
-        self.walk(check_target(target).to(self.device))
+        self.begun(target)
 
     @full_precision()
     def reconstruct(self, target: AnyTarget, *, on_step: OnStep | None = None, checkpoint: Checkpoint | None = None
                     ) -> CodeReconstruction:
-        walk = self.walk(check_target(target).to(self.device))
+        walk = self.begun(target)
         deadline = Deadline(self.seconds)
         state, done = self._begin(walk, checkpoint)
         first, every = done, math.ceil(self.steps / self.previews) if self.previews else None

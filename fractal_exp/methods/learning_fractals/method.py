@@ -72,7 +72,7 @@ class LearningFractalsWalk(Walk):
 
     def __init__(self, image: Tensor, params: LearningFractalsParams, seed: int):
         check_resolution(len(image))
-        self.image, self.params, self.seed = resized(image, params.side), params, seed
+        super().__init__(resized(image, params.side), params, seed)
 
     def start(self) -> State:
         raw = affine.initial(self.params.maps, generator(self.seed, "initial"))
@@ -160,11 +160,8 @@ class LearningFractals32(Stepwise):
 
     unit = "iterations"
     budget = 3000  # as published: a minute or so of one core
-    Params = LearningFractalsParams
+    Params, walk = LearningFractalsParams, LearningFractalsWalk
     params: LearningFractalsParams
-
-    def walk(self, image: Tensor) -> LearningFractalsWalk:
-        return LearningFractalsWalk(image, self.params, self.seed)
 
 
 class LearningFractals256(LearningFractals32):

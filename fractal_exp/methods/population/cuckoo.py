@@ -120,8 +120,5 @@ class Cuckoo(Stepwise):
 
     unit = "generations"
     budget = 500  # that one core draws in two minutes or so: each draws every code twice
-    Params = CuckooParams
+    Params, walk = CuckooParams, CuckooWalk
     params: CuckooParams
-
-    def walk(self, image: Tensor) -> CuckooWalk:
-        return CuckooWalk(image, self.params, self.seed)

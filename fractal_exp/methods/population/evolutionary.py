@@ -101,8 +101,5 @@ class Evolutionary(Stepwise):
 
     unit = "generations"
     budget = 1000  # as published: two minutes or so of one core
-    Params = EvolutionaryParams
+    Params, walk = EvolutionaryParams, EvolutionaryWalk
     params: EvolutionaryParams
-
-    def walk(self, image: Tensor) -> EvolutionaryWalk:
-        return EvolutionaryWalk(image, self.params, self.seed)

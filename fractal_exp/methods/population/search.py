@@ -110,7 +110,8 @@ class PopulationWalk(Walk):
     """A search on one image: the genomes (P,N,6) of its codes, what each costs, and the best one that was met."""
 
     def __init__(self, image: Tensor, params: PopulationParams, seed: int):
-        self.canvas, self.params, self.seed, self.device = Canvas(image, params, seed), params, seed, image.device
+        super().__init__(image, params, seed)
+        self.canvas, self.device = Canvas(image, params, seed), image.device
 
     @abstractmethod
     def initial(self) -> Tensor:

@@ -20,13 +20,13 @@ from ..evaluation import Perceptual, score, summarize
 from ..evaluation.code_error import code_error
 from ..evaluation.scoring import ALIGNMENTS, TRIVIAL, Scored
 from ..evaluation.summary import CEILING_F1, describe
-from ..evaluation.views import check_kind
+from ..evaluation.views import KINDS
 from ..images.pixels import write_image
 from ..rendering.sheets import comparison_strip
 from ..rendering.still import check_resolution, render
 from ..runtime import threads
 from ..runtime.bars import progress_bar
-from ..runtime.checks import check_count
+from ..runtime.checks import check_choice, check_count
 from ..runtime.files import make_folder, write_atomically
 from ..studies.judging import RESULT, against_input, as_drawn, f1_in_words
 from . import published_codes
@@ -45,7 +45,7 @@ def evaluate_codes(options: argparse.Namespace) -> None:
     check_resolution(options.resolution, "--resolution")
     if options.points is not None:
         check_count("--points", options.points)
-    check_kind(options.views)
+    check_choice("--views", options.views, KINDS)
     threads.use()
     truth, read = _truth(options)
     candidates, alone = (published_codes.gather(options.published, options.codes) if options.published is not None else

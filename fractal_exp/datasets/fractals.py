@@ -13,13 +13,13 @@ import torch
 from torch import Tensor
 from torch.utils.data import IterableDataset, get_worker_info
 
-from ..errors import InputError, did_you_mean
+from ..errors import InputError
 from ..ifs.code import IFS, PROBABILITY_FLOOR
 from ..images.levels import TARGET_SUPERSAMPLE
 from ..ops.histogram.pool import choice
 from ..rendering.still import points_per_view
 from ..runtime import seeds, threads
-from ..runtime.checks import check_count, check_number
+from ..runtime.checks import check_choice, check_count, check_number
 from . import kernels
 
 KINDS = {"points": kernels.POINTS, "patches": kernels.PATCHES, "density": kernels.DENSITY}
@@ -71,10 +71,8 @@ class Fractals(IterableDataset[tuple[Tensor, Tensor]]):
         check_count("repeats", repeats, 1, 10_000)
         check_count("seed", seed, 0)
         check_number("jitter", jitter, f"a number from 0 to {STRONGEST}", 0, STRONGEST)
-        for name, value, choices in (("draw", draw, KINDS), ("probabilities", probabilities, PROBABILITIES)):
-            if value not in choices:
-                raise InputError(f"{name} must be one of {', '.join(choices)}, got {value!r}"
-                                 f"{did_you_mean(str(value), choices)}")
+        check_choice("draw", draw, KINDS)
+        check_choice("probabilities", probabilities, PROBABILITIES)
         if not codes:
             raise InputError("a data set needs at least one code, got none")
         self.options: dict[str, Any] = {

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import brentq
 
-from ..errors import InputError, did_you_mean
+from ..errors import InputError
 from ..ifs.code import IFS
 from ..ifs.contraction import AVERAGE
+from ..runtime.checks import check_choice
 from . import Dimension
 from .affinity import affinity
 from .overlap import overlap
@@ -25,8 +26,8 @@ MIXED = "the attractor's if no pieces overlap and no directions are kept (Bárá
 
 def of_code(code: IFS, kind: str | None, seed: int) -> Dimension:
     """See `fractal_exp.dimension.dimension`."""
-    if kind not in (None, *KINDS):
-        raise InputError(f"kind must be one of {', '.join(KINDS)}, got {kind!r}{did_you_mean(str(kind), KINDS)}")
+    if kind is not None:
+        check_choice("kind", kind, KINDS)
     code.check_contractive()
     linear, chances = code.linear.cpu().double().numpy(), code.sampling_probabilities().cpu().double().numpy()
     singular = np.linalg.svd(linear, compute_uv=False)

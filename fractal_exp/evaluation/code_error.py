@@ -10,10 +10,10 @@ from scipy.optimize import linear_sum_assignment
 from torch import Tensor
 
 from .. import ops
-from ..errors import InputError
 from ..ifs import attractor
 from ..ifs.code import IFS
 from ..rendering.still import points_per_view, render_with_info
+from ..runtime.checks import check_choice
 from .metrics import f1
 
 if TYPE_CHECKING:
@@ -90,8 +90,7 @@ def code_error(recovered: IFS, truth: IFS, *, resolution: int, align: str = "bbo
     Another code of the same attractor may be far from the true one in this sense; see `CodeError.equivalent`. Raises
     `InputError` if a code is not contractive.
     """
-    if align not in ("bbox", "none"):
-        raise InputError(f"align must be bbox or none, got {align!r}")
+    check_choice("align", align, ("bbox", "none"))
     truth = attractor.normalize(truth)
     recovered = attractor.normalize(recovered) if align == "bbox" else recovered.check_contractive()
     distances, limits = displacements(recovered, truth, resolution), tolerances(truth, resolution)

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.ndimage import binary_dilation, binary_fill_holes, distance_transform_edt, gaussian_filter
 from torch import Tensor
 
-from ..errors import InputError
+from .metrics import check_pair
 
 LIT = 0.25          # grey level above which a pixel belongs to the shape
 AROUND_PX = 4       # the inside reaches so far beyond the shape
@@ -24,7 +24,8 @@ def ssim_inside(drawn: Tensor, image: Tensor, above: float = LIT, known: Tensor 
     the grey level above which a pixel belongs to the shape; an image without any is compared on the whole canvas.
     known (R,R): pixels that count, bool; None: all. Raises `InputError` if the shapes differ.
     """
-    a, b = (each.detach().cpu().double().numpy() for each in _checked(drawn, image))
+    check_pair(drawn, image, "R, R")
+    a, b = (each.detach().cpu().double().numpy() for each in (drawn, image))
 
     def mean(values: np.ndarray) -> np.ndarray:
         return gaussian_filter(values, SIGMA_PX, truncate=REACH)
@@ -45,7 +46,8 @@ def f1_dark(drawn: Tensor, image: Tensor, above: float = LIT) -> float | None:
     The outline is the shape with its holes and gaps of up to a sixteenth of the side, as between the branches of a
     tree. above: the grey level up to which a pixel is dark. Raises `InputError` if the shapes differ.
     """
-    other, dark = ((each <= above).cpu().numpy() for each in _checked(drawn, image))
+    check_pair(drawn, image, "R, R")
+    other, dark = ((each <= above).cpu().numpy() for each in (drawn, image))
     inside = outline(~dark)
     if (inside & dark).sum() <= LEAST_DARK * inside.sum():
         return None
@@ -72,10 +74,3 @@ def shape_level(image: Tensor) -> float:
     """The grey level above which a pixel of an image (R,R) belongs to the shape: `LIT`, or half of the highest level of
     a faint image."""
     return min(LIT, float(image.max()) / 2)
-
-
-def _checked(drawn: Tensor, image: Tensor) -> tuple[Tensor, Tensor]:
-    if image.ndim != 2 or drawn.shape != image.shape:
-        raise InputError(f"two images of one shape (R, R) are compared, got {tuple(drawn.shape)} and "
-                         f"{tuple(image.shape)}; render both at one resolution")
-    return drawn.to(image.device), image

@@ -9,7 +9,7 @@ from torch import Tensor
 from torch.nn.functional import max_pool2d
 
 from ..errors import InputError
-from ..runtime.checks import into_unit
+from ..runtime.checks import check_unit
 from ..runtime.extras import need
 
 MSE_FLOOR = 1e-10            # PSNR of equal images: 100 dB
@@ -40,7 +40,7 @@ def iou(images: Tensor, truth: Tensor) -> Tensor:
 def f1_1px(images: Tensor, truth: Tensor) -> Tensor:
     """F1 within a pixel of the masks I > 0 of images (B,H,W): the harmonic mean of each mask's share within the other's
     dilation by 3×3 pixels; 1 if both are empty; (B,) in [0,1]."""
-    _check(images, truth)
+    check_pair(images, truth)
     a, b = (images > 0).float(), (truth > 0).float()
     near = [(one * max_pool2d(other[:, None], 3, 1, 1)[:, 0]).sum((-2, -1)).double() for one, other in ((a, b), (b, a))]
     total = [mask.sum((-2, -1)).double() for mask in (a, b)]
@@ -51,7 +51,7 @@ def f1_1px(images: Tensor, truth: Tensor) -> Tensor:
 
 def psnr(images: Tensor, truth: Tensor) -> Tensor:
     """Peak signal-to-noise ratio in dB of images (B,H,W) in [0,1], the mean squared error floored at 1e-10; (B,)."""
-    _check(images, truth)
+    check_pair(images, truth)
     error = (images.double() - truth.double()).square().mean((-2, -1))
     return (-10 * torch.log10(error.clamp(min=MSE_FLOOR))).float()
 
@@ -65,7 +65,7 @@ def ssim(images: Tensor, truth: Tensor) -> Tensor:
     need("kornia")
     from kornia.metrics import ssim as ssim_map
 
-    _check(images, truth)
+    check_pair(images, truth)
     if min(images.shape[-2:]) < SSIM_WINDOW:
         raise InputError(f"SSIM needs pictures of at least {SSIM_WINDOW} px a side, got "
                          f"{images.shape[-1]}×{images.shape[-2]}; raise the resolution")
@@ -90,17 +90,12 @@ def compare(images: Tensor, truth: Tensor) -> dict[str, Tensor]:
     They are NaN for `empty_pairs`: two black pictures agree, but say nothing about a method. Raises `InputError` if the
     shapes differ, images are not finite or leave [0,1], or have fewer than `SMALLEST` px a side.
     """
-    _check(images, truth)
+    check_pair(images, truth)
     if images.shape[-1] < SMALLEST:
         raise InputError(f"SSIM needs images of at least {SMALLEST} px a side, got {tuple(images.shape[-2:])}; "
                          "raise the resolution")
     for name, batch in (("image", images), ("truth", truth)):
-        if not bool(torch.isfinite(batch).all()):
-            raise InputError(f"the {name} to compare holds NaN or infinity")
-        low, high = float(batch.min()), float(batch.max())
-        if low < 0 or high > 1:
-            raise InputError(f"the {name} to compare must lie in [0, 1], got [{low:.4g}, {high:.4g}]; "
-                             f"{into_unit(low, high)}")
+        check_unit(f"the {name} to compare", batch)
     empty = empty_pairs(images, truth)
     images, truth = inner_crop(images), inner_crop(truth)
     return {name: metric(images, truth).masked_fill(empty, torch.nan) for name, metric in METRICS.items()}
@@ -108,14 +103,15 @@ def compare(images: Tensor, truth: Tensor) -> dict[str, Tensor]:
 
 def _overlap(images: Tensor, truth: Tensor) -> tuple[Tensor, Tensor, Tensor]:
     """Pixels in the intersection and in the union of both masks, and the sum of both masks' pixels; (B,) float64."""
-    _check(images, truth)
+    check_pair(images, truth)
     a, b = images > 0, truth > 0
     both = (a & b).sum((-2, -1)).double()
     total = a.sum((-2, -1)).double() + b.sum((-2, -1)).double()
     return both, total - both, total
 
 
-def _check(images: Tensor, truth: Tensor) -> None:
-    if images.ndim != 3 or images.shape != truth.shape:
-        raise InputError(f"two batches of images of one shape (B, H, W) are compared, got {tuple(images.shape)} and "
-                         f"{tuple(truth.shape)}; render both at one resolution")
+def check_pair(image: Tensor, truth: Tensor, axes: str = "B, H, W") -> None:
+    """Raise `InputError` unless both, images or batches of images, have one shape of these axes."""
+    if image.ndim != axes.count(",") + 1 or image.shape != truth.shape:
+        raise InputError(f"what is compared has one shape ({axes}), got {tuple(image.shape)} and {tuple(truth.shape)}; "
+                         "render both at one resolution")

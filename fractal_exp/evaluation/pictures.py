@@ -5,7 +5,6 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from ..errors import InputError
 from ..runtime.checks import check_memory
 from . import metrics
 from .inside import LIT, ssim_inside
@@ -25,9 +24,7 @@ def compare_pictures(picture: Tensor, truth: Tensor, lit: Tensor | None = None, 
     if the shapes differ, or the pictures are too small for SSIM, 11 px, or for the distance, or too large for the
     memory.
     """
-    if picture.ndim != 2 or picture.shape != truth.shape:
-        raise InputError(f"two pictures of one shape (H, W) are compared, got {tuple(picture.shape)} and "
-                         f"{tuple(truth.shape)}")
+    metrics.check_pair(picture, truth, "H, W")
     check_memory(f"comparing pictures of {picture.shape[1]}×{picture.shape[0]} px", BYTES * picture.numel(),
                  picture.device, "compare smaller ones")
     perceptual, pair = perceptual or Perceptual.load(), (picture[None], truth[None])

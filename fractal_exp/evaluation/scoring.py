@@ -19,6 +19,7 @@ from ..ifs.code import IFS, View
 from ..perceptual import distances as perceptual
 from ..rendering.cache import ImageCache
 from ..rendering.still import check_resolution, points_per_view
+from ..runtime.checks import check_choice
 from ..runtime.extras import need
 from . import metrics
 from .views import code_of, evaluation_views
@@ -153,8 +154,7 @@ def score(reconstruction: IFS | Renderable, truth: IFS | Renderable, *, resoluti
           device: str = "cpu") -> Scored:
     """`evaluate`, with the images that were compared."""
     need("kornia", "pandas")
-    if align not in ALIGNMENTS:
-        raise InputError(f"align must be one of {', '.join(ALIGNMENTS)}, got {align!r}")
+    check_choice("align", align, ALIGNMENTS)
     check_resolution(resolution)
     every, largest = evaluation_views(truth, views, seed=seed), getattr(reconstruction, "largest_zoom", math.inf)
     chosen = {name: view for name, view in every.items() if view.zoom <= largest}

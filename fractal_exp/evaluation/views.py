@@ -12,6 +12,7 @@ import numpy as np
 from ..errors import InputError
 from ..ifs import attractor
 from ..ifs.code import IFS, View
+from ..runtime.checks import check_choice
 
 ZOOM_RANGES = ((1.0, 2.0), (2.0, 4.0), (4.0, 8.0))
 VIEWS_PER_RANGE = 2
@@ -48,13 +49,6 @@ KINDS: dict[str, Callable[[Any, int], Center]] = {  # of a truth and the seed of
 }
 
 
-def check_kind(kind: str) -> str:
-    """The kind of views. Raises `InputError` if the name is unknown."""
-    if kind not in KINDS:
-        raise InputError(f"views must be one of {', '.join(KINDS)}, got {kind!r}")
-    return kind
-
-
 def evaluation_views(truth: Any, kind: str = "attractor", *, seed: int | None = None) -> dict[str, View]:
     """The seven views of a fractal by name: the whole canvas, and two with zooms from each of U[1,2], U[2,4], U[4,8].
 
@@ -68,7 +62,7 @@ def evaluation_views(truth: Any, kind: str = "attractor", *, seed: int | None = 
     Raises `InputError` on another kind, a negative seed, a code that is not contractive, or a truth without a code if
     there is no seed or the views are centred on its attractor.
     """
-    check_kind(kind)
+    check_choice("views", kind, KINDS)
     if seed is None:
         code = code_of(truth)
         if code is None:

@@ -7,7 +7,7 @@ from typing import Literal, get_args
 
 from torch import Tensor
 
-from ..errors import InputError, did_you_mean
+from ..runtime.checks import check_choice
 from .known import Known
 
 Levels = Literal["auto", "density", "linear", "dots", "tonemapped", "coverage", "binary"]
@@ -44,9 +44,8 @@ class TargetImage:
 def decided(levels: str, image: Tensor) -> str:
     """The meaning that a user names, or for "auto" that of an image (R,R) as it looks. Raises `InputError` if there is
     no such meaning."""
-    if levels not in (*MEANINGS, DRAWN):
-        raise InputError(f"levels must be one of {', '.join(MEANINGS)}, got {levels!r}"
-                         f"{did_you_mean(str(levels), MEANINGS)}")
+    if levels != DRAWN:
+        check_choice("levels", levels, MEANINGS)
     return meaning_of(image) if levels == "auto" else levels
 
 

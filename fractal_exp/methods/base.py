@@ -16,7 +16,7 @@ from ..errors import InputError
 from ..ifs.code import IFS, View
 from ..images.levels import TargetImage
 from ..runtime.checkpoint import Checkpoint
-from ..runtime.checks import into_unit
+from ..runtime.checks import check_unit
 from ..runtime.deadline import Deadline
 from ..runtime.params import Params
 
@@ -173,13 +173,9 @@ def check_target(target: AnyTarget, resolution: int | None = None) -> Tensor:
         raise InputError(f"the target has {target.shape[0]}² pixels, but the model draws {resolution}²; read the "
                          "target at the model's resolution")
     target = target.to(torch.float32)
-    if not bool(torch.isfinite(target).all()):
-        raise InputError("the target image holds NaN or infinity")
-    low, high = float(target.min()), float(target.max())
-    if low < 0 or high > 1:
-        raise InputError(f"the target image must lie in [0, 1], got [{low:.4g}, {high:.4g}]; {into_unit(low, high)}")
-    if low == high:
-        raise InputError(f"the target image is constant ({low:.4g}): there is no shape on it")
+    check_unit("the target image", target)
+    if bool((target == target[0, 0]).all()):
+        raise InputError(f"the target image is constant ({float(target[0, 0]):.4g}): there is no shape on it")
     return target
 
 

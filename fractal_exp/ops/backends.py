@@ -17,6 +17,7 @@ import torch
 from torch import Tensor
 
 from ..errors import InputError
+from ..runtime.checks import check_choice
 from . import cuda_launch
 
 log = logging.getLogger(__name__)
@@ -42,8 +43,7 @@ BACKENDS: dict[str, Backend] = {  # "auto" takes the first that accepts the tens
 
 def check_name(name: str) -> None:
     """Raise `InputError` unless `name` is "auto" or a backend."""
-    if not isinstance(name, str) or name != "auto" and name not in BACKENDS:
-        raise InputError(f"backend must be one of {', '.join(['auto', *BACKENDS])}, got {name!r}")
+    check_choice("backend", name, ["auto", *BACKENDS])
 
 
 def choose(name: str, tensor: Tensor) -> str:

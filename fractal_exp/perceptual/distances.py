@@ -19,7 +19,7 @@ from torch.autograd.function import once_differentiable
 from torch.nn.functional import fold
 
 from ..errors import InputError
-from ..runtime.checks import into_unit
+from ..runtime.checks import check_choice, check_unit
 from ..runtime.extras import need
 from ..runtime.weights import Weights
 from . import fractal_features
@@ -95,8 +95,7 @@ def load(kind: str, weights: str | Path | None = None, input_range: str = "corre
     if kind not in LOADERS:
         raise InputError(f"there is no perceptual distance {kind!r}; choose one of {', '.join(kinds())}, or leave the "
                          "perceptual term out (perceptual=none)")
-    if input_range not in INPUT_RANGES:
-        raise InputError(f"input_range must be one of {', '.join(INPUT_RANGES)}, got {input_range!r}")
+    check_choice("input_range", input_range, INPUT_RANGES)
     return LOADERS[kind](weights, input_range)
 
 
@@ -272,12 +271,7 @@ def perceptual_distance(a: Tensor, b: Tensor, kind: str = "fractal") -> Tensor:
         if image.numel() == 0:
             raise InputError(f"{name} must hold at least one image of at least one pixel, got {tuple(image.shape)}; "
                              "leave empty batches out")
-        values = image.detach()
-        if not bool(torch.isfinite(values).all()):
-            raise InputError(f"{name} holds NaN or infinity; a distance needs finite images in [0,1]")
-        low, high = (float(value) for value in values.aminmax())
-        if low < -RANGE_SLACK or high > 1 + RANGE_SLACK:
-            raise InputError(f"{name} must lie in [0,1], got [{low:.4g}, {high:.4g}]; {into_unit(low, high)}")
+        check_unit(name, image.detach(), RANGE_SLACK)
     if a.shape[-2:] != b.shape[-2:] or a.device != b.device or a.dtype != b.dtype:
         raise InputError(f"a and b must agree in size, device and dtype, got {tuple(a.shape)} {a.dtype} on {a.device} "
                          f"and {tuple(b.shape)} {b.dtype} on {b.device}")

@@ -21,7 +21,7 @@ from ..ops import cuda_launch, histogram
 from ..ops.histogram import Window
 from ..ops.histogram.boxes import lit_share
 from ..ops.histogram.cpu import COLOUR_UNIT, COLOURED, COUNTED, LIT
-from ..runtime.checks import check_count, check_memory, shown, size_of
+from ..runtime.checks import check_choice, check_count, check_memory, shown, size_of
 from .toned import Toned
 from .weighing import Plan, address_tree, weighed, window_of
 
@@ -191,8 +191,7 @@ def _plan(code: IFS, view: View, resolution: int | tuple[int, int], points: int,
     check_count("supersample", supersample, most=MAX_SUPERSAMPLE)
     if not isinstance(seed, Integral) or seed < 0:
         raise InputError(f"seed must be an integer of at least 0, got {seed!r}")
-    if mode not in MODES:
-        raise InputError(f"mode must be one of {', '.join([*MODES, 'tone'])}, got {mode!r}")
+    check_choice("mode", mode, [*MODES, "tone"])
     if view.zoom > MAX_ZOOM:
         raise InputError(f"the zoom must be at most {MAX_ZOOM:g}, where double precision ends, got {view.zoom:g}")
     tree, window = address_tree(code, reuse, with_colours=MODES[mode] == COLOURED), window_of(view, resolution)

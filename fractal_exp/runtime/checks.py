@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 import os
 import warnings
+from collections.abc import Iterable
 from numbers import Integral, Real
 
 import torch
 from torch import Tensor
 
-from ..errors import InputError
+from ..errors import InputError, did_you_mean
 
 GIB = 2**30
 RESERVE = 0.9  # of a device's memory, which something else needs too
@@ -70,6 +71,13 @@ def check_number(name: str, value: float, what: str, least: float = -math.inf, m
         raise InputError(f"{name} must be {what}, got {shown(value)}")
 
 
+def check_choice(name: str, value: str | None, choices: Iterable[str]) -> None:
+    """Raise `InputError`, which lists them and tells which one may have been meant, unless `value` is a choice."""
+    known = list(choices)
+    if value not in known:
+        raise InputError(f"{name} must be one of {', '.join(known)}, got {value!r}{did_you_mean(str(value), known)}")
+
+
 def check_seconds(seconds: float | None) -> None:
     """Raise `InputError` unless a limit of time is a number above 0, or None."""
     good = isinstance(seconds, Real) and not isinstance(seconds, bool) and seconds > 0
@@ -84,6 +92,15 @@ def warn_of_nan(**tensors: Tensor) -> None:
         # NaN makes a sum NaN, so that the slow look at each number is seldom needed.
         if value.device.type == "cpu" and bool(value.sum().isnan()) and bool(value.isnan().any()):
             warnings.warn(f"{name} has NaN: what is made of it is NaN or left out, without a gradient", stacklevel=3)
+
+
+def check_unit(name: str, image: Tensor, slack: float = 0.0) -> None:
+    """Raise `InputError` unless all numbers of an image are finite and in [0,1], or no farther off than `slack`."""
+    if not bool(torch.isfinite(image).all()):
+        raise InputError(f"{name} holds NaN or infinity")
+    low, high = float(image.min()), float(image.max())
+    if low < -slack or high > 1 + slack:
+        raise InputError(f"{name} must lie in [0, 1], got [{low:.4g}, {high:.4g}]; {into_unit(low, high)}")
 
 
 def into_unit(low: float, high: float) -> str:

@@ -17,14 +17,14 @@ from ..evaluation.code_error import at_ceiling, code_error
 from ..evaluation.pictures import compare_pictures
 from ..evaluation.scoring import ALIGNMENTS, TRIVIAL
 from ..evaluation.summary import without_empty
-from ..evaluation.views import check_kind
+from ..evaluation.views import KINDS
 from ..ifs.code import IFS, View
 from ..images.reading import ReadImage
 from ..likeness import Likeness, camera_for, lit_above, redrawn
 from ..methods.base import CodeReconstruction, Reconstruction
 from ..rendering.sheets import comparison_strip
 from ..rendering.still import MAX_SUPERSAMPLE, check_device, check_resolution, points_per_view, render
-from ..runtime.checks import check_count
+from ..runtime.checks import check_choice, check_count
 from ..targets import Target
 from ..verdict import Verdict
 
@@ -77,9 +77,8 @@ def check_options(options: Mapping[str, Any]) -> None:
     if options["points_in_view"] is not None:
         check_count("evaluation.points_in_view", options["points_in_view"])
     check_count("evaluation.supersample", options["supersample"], most=MAX_SUPERSAMPLE)
-    check_kind(options["views"])
-    if options["align"] not in ALIGNMENTS:
-        raise InputError(f"evaluation.align must be one of {', '.join(ALIGNMENTS)}, got {options['align']!r}")
+    check_choice("evaluation.views", options["views"], KINDS)
+    check_choice("evaluation.align", options["align"], ALIGNMENTS)
     check_device(options["device"])
 
 

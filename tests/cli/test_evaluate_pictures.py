@@ -114,7 +114,7 @@ def test_what_a_user_can_mend_is_one_line(folder, arguments, message):
 
 
 def test_pictures_of_other_shapes_and_too_small_ones_are_refused():
-    with pytest.raises(InputError, match=r"one shape \(H, W\) are compared, got \(20, 30\) and \(30, 20\)"):
+    with pytest.raises(InputError, match=r"one shape \(H, W\), got \(20, 30\) and \(30, 20\)"):
         compare_pictures(torch.rand(20, 30), torch.rand(30, 20))
     with pytest.raises(InputError, match="SSIM needs pictures of at least 11 px a side, got 30×10"):
         compare_pictures(torch.rand(10, 30), torch.rand(10, 30))

@@ -67,7 +67,7 @@ def test_a_doubled_map_is_not_spurious(triangle):
 
 
 def test_bad_input(triangle):
-    with pytest.raises(InputError, match="bbox or none"):
+    with pytest.raises(InputError, match="one of bbox, none"):
         code_error(triangle, triangle, resolution=64, align="left")
     with pytest.raises(InputError, match="contractive"):
         code_error(IFS(2 * torch.eye(2)[None], torch.zeros(1, 2)), triangle, resolution=64, align="none")

@@ -16,7 +16,7 @@ from torch import Tensor
 from ...errors import InputError
 from ...ifs.code import IFS
 from ...runtime.checkpoint import Checkpoint, Snapshot, moments, under
-from ...runtime.checks import check_seconds
+from ...runtime.checks import check_choice, check_seconds
 from ...runtime.deadline import Deadline
 from ...runtime.memory import keep_freed
 from ...runtime.precision import full_precision
@@ -101,8 +101,7 @@ class Chaotic(Method):
             raise InputError(f"radii must be one or more numbers above 0, got {list(radii)}")
         if previews < 0:
             raise InputError(f"previews must be at least 0, got {previews}")
-        if result not in RESULTS:
-            raise InputError(f"result must be one of {', '.join(RESULTS)}, got {result!r}")
+        check_choice("result", result, RESULTS)
         check_seconds(seconds)
         self.model, self.objective, self.optimizer = model, objective, optimizer
         self.iterations, self.seconds, self.seed = iterations, seconds, seed

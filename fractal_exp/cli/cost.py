@@ -13,10 +13,10 @@ from ..methods.base import Method, Progress
 from ..methods.chaotic.method import Chaotic
 from ..methods.stepwise import Stepwise
 from ..runtime import threads
+from ..runtime.deadline import in_words
 from . import configuration
 
 ENOUGH = 1.0  # seconds that steps are watched for, after the first, which compiles
-UNITS = (("days", 86400), ("h", 3600), ("min", 60), ("s", 1))
 
 
 class _Seen(Exception):
@@ -65,9 +65,3 @@ def _seconds(config: DictConfig, workers: int, watch: Callable[[Method, int], fl
         return watch(method, config.resolution) if known else None
     except (InputError, RuntimeError):  # the fit itself will say it
         return None
-
-
-def in_words(seconds: float) -> str:
-    """A time in the largest unit of which there are two."""
-    unit, size = next(((unit, size) for unit, size in UNITS if seconds >= 2 * size), UNITS[-1])
-    return f"{seconds / size:.0f} {unit}"

@@ -10,6 +10,7 @@ from typing import Self
 from ..images.pixels import write_image
 from ..methods.base import Progress
 from ..runtime.bars import progress_bar
+from ..runtime.deadline import in_words
 from ..tracking import Tracker
 from . import interruption
 from .folders import FitFolder
@@ -47,7 +48,7 @@ class Reporter:
         self.bar.update(0)
         if not self.terminal and (now - self.printed > QUIET_SECONDS or progress.fraction >= 1):
             if self.printed < now:
-                print(f"  {100 * progress.fraction:3.0f}% after {_duration(now - self.began)}, {text}", flush=True)
+                print(f"  {100 * progress.fraction:3.0f}% after {in_words(now - self.began)}, {text}", flush=True)
             self.printed = float("inf") if progress.fraction >= 1 else now
         self.run.log({f"train/{name}": value for name, value in progress.scalars.items()}, progress.step)
         if progress.preview is not None:
@@ -57,7 +58,7 @@ class Reporter:
 
 def describe(progress: Progress, left: float | None) -> str:
     """Time left, stage and what is being improved, in words."""
-    parts = [f"about {_duration(left)} left" if left is not None else "", progress.describe()]
+    parts = [f"about {in_words(left)} left" if left is not None else "", progress.describe()]
     return ", ".join(part for part in parts if part)
 
 
@@ -79,8 +80,3 @@ class TimeLeft:
             return None
         # While a step or a stage overruns, what was foreseen at its last news is counted down, not up.
         return max(0.0, (1 - done) * (last - start) / (done - before) - (seconds - last)) or None
-
-
-def _duration(seconds: float) -> str:
-    return f"{seconds:.0f} s" if seconds < 100 else f"{seconds / 60:.0f} min" if seconds < 5400 else (
-        f"{seconds / 3600:.1f} h")

@@ -23,6 +23,7 @@ from omegaconf import DictConfig, OmegaConf, open_dict, read_write
 from omegaconf.errors import OmegaConfBaseException
 
 from ..errors import InputError
+from ..runtime.deadline import in_words
 from ..runtime.files import explain, make_folder
 from ..studies import report
 from ..studies.writing import write
@@ -178,7 +179,7 @@ class Watch(threading.Thread):
         else:
             self.fitted += 1
             left = (time.monotonic() - self.began) / self.fitted * len(self.waiting)
-            about = f", about {cost.in_words(left)} left" if left else ""
+            about = f", about {in_words(left)} left" if left else ""
             text += f"{describe_scores(outcome)}  ({outcome.seconds:.0f} s{about})"
         print(text, file=self.out, flush=True)
 

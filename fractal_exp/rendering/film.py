@@ -22,6 +22,7 @@ from torch import Tensor
 from ..errors import InputError
 from ..ifs.code import IFS, View
 from ..runtime.checks import check_count, check_memory, size_of
+from ..runtime.deadline import in_words
 from .colour import on_ground, own_ground
 from .film_formats import NUMBER, SEQUENCE, format_of, frame_path
 from .still import REUSE, RenderInfo, render_with_info
@@ -161,7 +162,7 @@ class Forecast:
 
     def __str__(self) -> str:
         return (f"{self.frames} frames, {self.seconds:.3g} s of film, about {_size(self.bytes)}, "
-                f"{_duration(self.drawing_seconds)} to draw")
+                f"{in_words(self.drawing_seconds)} to draw")
 
 
 def forecast(path: str | Path, draw: Callable[[slice], Iterable[Tensor]], frames: int, *, fps: int | None = None
@@ -238,7 +239,3 @@ def _packed(path: Path, pictures: Sequence[Tensor], fps: int) -> tuple[int, floa
 def _size(count: float) -> str:
     power = min(3, int(math.log10(max(count, 1)) / 3))
     return f"{count / 1000**power:.3g} {('B', 'kB', 'MB', 'GB')[power]}"
-
-
-def _duration(seconds: float) -> str:
-    return f"{seconds:.0f} s" if seconds < 100 else f"{seconds / 60:.0f} min"

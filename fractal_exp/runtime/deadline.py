@@ -1,4 +1,4 @@
-"""A limit of time, and the shares of it that parts of the work may take."""
+"""A limit of time, the shares of it that parts of the work may take, and times in words."""
 
 from __future__ import annotations
 
@@ -11,7 +11,15 @@ from contextvars import ContextVar
 # textbook pictures is recovered (benchmarks/results/pictures_textbook and pictures_textbook_120s).
 USUAL = 60.0
 
+UNITS = (("days", 86400), ("h", 3600), ("min", 60), ("s", 1))
+
 _compiling = 0.0   # processor seconds
+
+
+def in_words(seconds: float) -> str:
+    """A time in the largest unit of which there are two."""
+    unit, size = next(((unit, size) for unit, size in UNITS if seconds >= 2 * size), UNITS[-1])
+    return f"{seconds / size:.0f} {unit}"
 
 
 def leave_out(seconds: float) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Literal
 
@@ -149,11 +148,7 @@ def read_lit(source: str | Path | np.ndarray | Tensor, *, invert: bool | Literal
     """Where the shape of a picture is, (H,W) bool, in the picture's own pixels: all that is seen on the background, but
     what stands beside the shape; or with a threshold in (0,1) all levels from there on, white on black, wherever they
     are. source, invert, most_pixels, errors: as for `read_target`."""
-    check_options(invert, threshold, PADDING, "fit", True)
-    name = _name(source)
-    pixels = open_pixels(source, Notes(), name, most=most_pixels)
-    _check_sides(pixels.width, pixels.height, "fit", name)
-    shape = _levels(pixels, invert, name, Notes(), clean=threshold is None)
+    shape, _ = _read_whole(source, invert, threshold, most_pixels, clean=threshold is None)
     return np.concatenate([band > shape.seen if threshold is None else band >= threshold for band in shape.grey])
 
 
@@ -165,15 +160,21 @@ def read_grey(source: str | Path | np.ndarray | Tensor, *, invert: bool | Litera
     Lit is what is brighter than the background: by a 512th, or by a quarter in a file that stores pixels with errors.
     source, invert, most_pixels, errors: as for `read_target`.
     """
-    check_options(invert, None, PADDING, "fit", True)
-    name, notes = _name(source), Notes()
-    pixels = open_pixels(source, notes, name, most=most_pixels)
-    _check_sides(pixels.width, pixels.height, "fit", name)
-    shape = _levels(pixels, invert, name, notes, clean=False)
+    shape, notes = _read_whole(source, invert, None, most_pixels, clean=False)
     levels, least = torch.from_numpy(np.concatenate(list(shape.grey))), shape.level + shape.seen
     if least > MIN_CONTRAST:
         notes.append(f"lit is what is brighter than {least:.2f}")
     return levels, levels > least, tuple(notes)
+
+
+def _read_whole(source: str | Path | np.ndarray | Tensor, invert: bool | str, threshold: float | None,
+                most_pixels: int, *, clean: bool) -> tuple[_Shape, Notes]:
+    """The shape of a picture in the picture's own pixels, and how it was read."""
+    check_options(invert, threshold, PADDING, "fit", True)
+    name, notes = _name(source), Notes()
+    pixels = open_pixels(source, notes, name, most=most_pixels)
+    _check_sides(pixels.width, pixels.height, "fit", name)
+    return _levels(pixels, invert, name, notes, clean=clean), notes
 
 
 def _name(source: str | Path | np.ndarray | Tensor) -> str:
@@ -250,11 +251,7 @@ class _Shape:
         if self.profile.low >= threshold:
             raise InputError(f"the threshold {threshold:g} lights every pixel of {name}: its lowest level, white on "
                              f"black, is {float(self.profile.low):.3f}; raise it")
-        return replace(self.map(partial(_binary, threshold=threshold)), level=0.0)
-
-
-def _binary(levels: np.ndarray, threshold: float) -> np.ndarray:
-    return (levels >= threshold).astype(np.float32)
+        return replace(self.map(lambda levels: (levels >= threshold).astype(np.float32)), level=0.0)
 
 
 def _levels(pixels: Bands, invert: bool | str, name: str, notes: Notes, clean: bool) -> _Shape:
@@ -323,21 +320,15 @@ def _toned(grey: Bands, colours: Bands | None, invert: bool | str, name: str, no
         if specks is not None:
             grey = shape.grey.without(specks, overview.block)
             shape, overview = replace(shape, grey=grey, profile=Profile.of(grey)), Overview.of(grey)
-    factor = tone.levelled(overview, notes, coloured=pen is not None)
+    factor = np.float32(tone.levelled(overview, notes, coloured=pen is not None))
     if factor != 1:
-        raised = partial(_raised, factor=np.float32(factor))
+        def raised(levels: np.ndarray) -> np.ndarray:
+            return (levels * factor).clip(0, 1)
         shape, overview = shape.map(raised), overview.map(raised)
-    ringing = tone.ringing(overview) if shape.grey.lossy else 0.0
+    ringing = np.float32(tone.ringing(overview) if shape.grey.lossy else 0)
     if ringing > 0:
-        quiet = partial(_quiet, noise=np.float32(ringing))
+        def quiet(levels: np.ndarray) -> np.ndarray:
+            return np.where(levels <= ringing, np.float32(0), levels)
         shape, overview = replace(shape.map(quiet), exact=False), overview.map(quiet)
         notes.append(f"levels up to {ringing:.2g} are errors of the file's compression beside the shape: black")
     return shape, overview
-
-
-def _raised(levels: np.ndarray, factor: np.float32) -> np.ndarray:
-    return (levels * factor).clip(0, 1)
-
-
-def _quiet(levels: np.ndarray, noise: np.float32) -> np.ndarray:
-    return np.where(levels <= noise, np.float32(0), levels)

@@ -23,7 +23,6 @@ from ..images.reading import ReadImage
 from ..inversion.result import INVERSION
 from ..runtime.files import LARGEST_JSON, parse_json, read_file
 from ..suite import SUITE_COUNT, SUITE_SEED, random_suite
-from ..tracking.addresses import database_path, store_uri
 from .code_names import file_and_name, read_code
 from .folders import CODE, CONFIG, ENLARGED, FINISHED, PICTURE, TRUTH
 
@@ -136,10 +135,7 @@ def _folder_reader(folder: Path) -> Read:
 
 
 def _run_reader(run_id: str, output: str | Path) -> Read:
-    database = database_path(store_uri(output))
-    if database is not None and not database.exists():
-        raise InputError(f"no runs are kept in {database.parent}; name the output folder of the fits with --output")
-    uri = tracking.prepare_store(output)
+    uri = tracking.kept_runs(output)
 
     def read(name: str) -> bytes | None:
         try:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from ..errors import InputError
 from .commands import command, command_parser
 
 DESCRIPTION = """Make the tables and the figure of a sweep from what the tracking store has of it, finished or not.
@@ -33,15 +32,8 @@ def report_sweep(options: argparse.Namespace) -> None:
     from .. import tracking
     from ..studies import report
     from ..studies.writing import write
-    from ..tracking.addresses import database_path, store_uri
-    from ..tracking.building import check
 
-    uri = store_uri(options.output)
-    database = database_path(uri)
-    if database is not None and not database.exists():
-        raise InputError(f"no runs are kept in {database.parent}; name the output folder with --output")
-    if database is not None:
-        check(database, uri)
+    uri = tracking.kept_runs(options.output)
     sweep = report.read_sweep(uri, options.study, options.sweep)
     folder = Path(options.out or Path(options.output) / options.study / sweep.name).absolute()
     write(uri, sweep, folder)

@@ -18,10 +18,10 @@ from .reading import (
     studies,
 )
 from .run import MlflowTracker, deliver, start_run
-from .store import mark_killed_runs, prepare_store, standard_tags
+from .store import kept_runs, mark_killed_runs, prepare_store, standard_tags
 
 __all__ = [
     "MlflowTracker", "NoArtifact", "Tracker", "comparison_address", "dashboard_command", "deliver",
-    "find_run", "mark_killed_runs", "nested_below", "prepare_store", "read_artifact", "read_series", "read_table",
-    "runs_frame", "standard_tags", "start_run", "studies",
+    "find_run", "kept_runs", "mark_killed_runs", "nested_below", "prepare_store", "read_artifact", "read_series",
+    "read_table", "runs_frame", "standard_tags", "start_run", "studies",
 ]

@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING
 from ..errors import InputError
 from ..runtime.parent import following
 from .addresses import database_path, shown, store_uri
-from .building import artifacts, check, hide_default
+from .building import artifacts, hide_default
 from .client import ENVIRONMENT, connect
-from .store import no_study, pages
+from .store import kept_runs, no_study, pages
 
 if TYPE_CHECKING:
     from mlflow import MlflowClient
@@ -64,9 +64,7 @@ def dashboard_command(folder: str | Path, port: int = 5000) -> list[str]:
     database = database_path(uri)
     if database is None:
         raise InputError(f"the runs are kept by the server {shown(uri)}: open that address in the browser")
-    if not database.exists():
-        raise InputError(f"no runs under {database.parent} yet; fit something first, or name the output folder")
-    check(database, uri)
+    kept_runs(folder)
     with socket.socket() as probe:
         if probe.connect_ex(("127.0.0.1", port)) == 0:
             raise InputError(f"port {port} is taken, perhaps by an open dashboard; choose another port")

@@ -22,7 +22,7 @@ from filelock import FileLock
 from ..errors import InputError, did_you_mean
 from ..runtime.parent import is_alive
 from .addresses import database_path, reason, root, shown, store_uri
-from .building import artifacts, build
+from .building import artifacts, build, check
 from .client import connect
 
 T = TypeVar("T")
@@ -50,6 +50,20 @@ def prepare_store(folder: str | Path, patience: float = FIRST_PATIENCE) -> str:
     else:
         build(database, uri)
     mark_killed_runs(uri)
+    return uri
+
+
+def kept_runs(folder: str | Path) -> str:
+    """The URI of the store of an output folder, whose runs are to be read. Raises `InputError` if none are kept there,
+    or they cannot be read."""
+    uri = store_uri(folder)
+    database = database_path(uri)
+    if database is None:
+        _check_server(uri, FIRST_PATIENCE)
+    elif not database.exists():
+        raise InputError(f"no runs are kept in {database.parent}; name the output folder of the fits (--output)")
+    else:
+        check(database, uri)
     return uri
 
 

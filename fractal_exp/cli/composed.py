@@ -1,26 +1,36 @@
-"""`fractal-train`, and how a command that Hydra composes is run. Nothing heavy is imported before there is work."""
+"""`fractal-train`, alone or with several fits (-m) below one parent run, and how a command that Hydra composes is run.
+Nothing heavy is imported before there is work."""
 
 from __future__ import annotations
 
+import hashlib
+import json
 import os
 import sys
 import traceback
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import hydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.errors import HydraException
+from hydra.experimental.callback import Callback
 from hydra.types import RunMode
 from hydra.utils import get_method
-from omegaconf import DictConfig
+from omegaconf import DictConfig, open_dict, read_write
 
 from ..errors import InputError
 from ..runtime import parent
-from . import configuration, interruption, several, words
+from ..runtime.files import make_folder
+from . import configuration, interruption, words
 from .commands import complain, told
 
+if TYPE_CHECKING:
+    from ..tracking import Tracker
+
 FOR_PICTURE = ("method=collage",)  # what picture=FILE implies for a fit
+above: list[Tracker] = []  # the parent run of -m, from Hydra's callback, which can return nothing
 failed: list[str] | None = None  # jobs of -m, to be told at its end; None in a launcher's worker, which has no end
 scored: list[tuple[str, Mapping[str, float]]] = []  # the others: their own words and scores
 
@@ -28,7 +38,8 @@ scored: list[tuple[str, Mapping[str, float]]] = []  # the others: their own word
 def main() -> None:
     """The command line: one fit; with -m several, one after another."""
     status = run("fractal-train", "train", _fit, sys.argv[1:], FOR_PICTURE)
-    several.close(scored, failed or (), status)
+    while above:
+        _end(above.pop(), status)
     raise SystemExit(status)
 
 
@@ -36,6 +47,48 @@ def _fit(config: DictConfig) -> Any:
     if failed is None:
         parent.follow(os.getppid())
     return done("fractal-train", get_method(config.task), config)
+
+
+class OpenSeveral(Callback):
+    """Hydra's call before the first fit of -m: begins the parent run, and tells the fits of it."""
+
+    def on_multirun_start(self, config: DictConfig, **kwargs: Any) -> None:
+        try:  # Hydra would make a mere warning of an error
+            above.append(_begin(config))
+        except InputError as error:
+            complain("fractal-train", error)
+
+
+def _begin(config: DictConfig) -> Tracker:
+    from hydra.core.override_parser.overrides_parser import OverridesParser
+
+    from .jobs import job_name
+    from .runs import NoRuns
+
+    given = list(config.hydra.overrides.task)
+    parsed = OverridesParser.create().parse_overrides(given)
+    name = job_name(given, {each.get_key_element() for each in parsed if each.is_sweep_override()})
+    same = hashlib.sha256(json.dumps(sorted(word for word in given if not word.startswith("resume="))).encode())
+    with read_write(config):
+        config.output = str(Path(config.output).expanduser().absolute())
+    settings = {key: config[key] for key in ("output", "study", "scale", "device", "resume")}
+    runs: NoRuns = configuration.build(config.tracking)
+    folder = make_folder(Path(config.output) / config.study / f"{name}-{same.hexdigest()[:6]}")
+    run = runs.start_several(settings, folder, name, given)
+    if run.run_id:
+        with read_write(config), open_dict(config):
+            config.hydra.overrides.task.append(f"{configuration.PARENT}={run.run_id}")
+    return run
+
+
+def _end(run: Tracker, status: int) -> None:
+    """End the parent run, with the table of the scores."""
+    if scored:
+        import pandas as pd
+
+        run.table("summary.json", pd.DataFrame([{"fit": words, **scores} for words, scores in scored]))
+    error = f"{len(failed)} fits failed" if failed else None
+    run.finish("KILLED" if status == 130 else "FAILED" if error or status else "FINISHED", error)
 
 
 def run(program: str, config: str, work: Callable[[DictConfig], Any], given: Sequence[str],

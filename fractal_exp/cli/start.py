@@ -2,17 +2,25 @@
 
 import sys
 from functools import partial
+from importlib import import_module
 
-from ..runtime import extras
+from ..runtime.extras import EXTRAS, remedy
 from . import interruption
 
 
 def start(program: str, module: str) -> None:
-    """Import a command and run it. Ctrl-C ends it in a line from the first moment on, also while libraries load."""
+    """Import a command and run it; if a library of an extra is missing, say so in one line and exit with status 2.
+    Ctrl-C ends it in a line from the first moment on, also while libraries load."""
     interruption.listen()
     try:
         with interruption.not_lost():
-            extras.start(program, module)
+            import_module(module).main()
+    except ModuleNotFoundError as error:
+        library = (error.name or "").partition(".")[0]
+        if library not in EXTRAS:
+            raise
+        print(f"{program}: error: {library} is not installed; {remedy(library)}", file=sys.stderr)
+        raise SystemExit(2) from None
     except KeyboardInterrupt:
         print(f"\n{program}: interrupted", file=sys.stderr)
         raise SystemExit(130) from None

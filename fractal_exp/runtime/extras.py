@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-from importlib import import_module
 from importlib.util import find_spec
 
 from ..errors import InputError
@@ -28,16 +26,3 @@ def need(*libraries: str) -> None:
 def remedy(library: str) -> str:
     """The command that installs a library of an extra, in words."""
     return f"pip install 'fractal-exp[{EXTRAS[library]}]' brings it"
-
-
-def start(program: str, module: str) -> None:
-    """Run `main` of a module, the command line `program`; if a library of an extra is missing, say so in one line
-    and exit with status 2."""
-    try:
-        import_module(module).main()
-    except ModuleNotFoundError as error:
-        library = (error.name or "").partition(".")[0]
-        if library not in EXTRAS:
-            raise
-        print(f"{program}: error: {library} is not installed; {remedy(library)}", file=sys.stderr)
-        raise SystemExit(2) from None

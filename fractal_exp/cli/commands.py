@@ -7,7 +7,7 @@ import os
 import re
 import select
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import NoReturn
 
 from ..errors import InputError, did_you_mean
@@ -78,6 +78,15 @@ def command(program: str, work: Callable[[argparse.Namespace], None], parser: ar
         if line is None:
             raise
         complain(program, line)
+
+
+def refuse_idle(options: argparse.Namespace, idle: Mapping[str, str],
+                default: Callable[[str], object] = lambda name: None) -> None:
+    """Raise `InputError` on an option that was given and would change nothing. idle: such options by name, and why in
+    words; default: what an option is if it was not given."""
+    for name, why in idle.items():
+        if getattr(options, name) != default(name):
+            raise InputError(f"--{name.replace('_', '-')} {why}; leave it out")
 
 
 def _nobody_reads() -> bool:

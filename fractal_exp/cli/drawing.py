@@ -26,7 +26,7 @@ from ..rendering.zoom import nearest_point, rich_point, zoom_path
 from ..runtime import threads
 from ..runtime.bars import progress_bar
 from .code_names import read_code
-from .commands import parse_size
+from .commands import parse_size, refuse_idle
 
 STILLS = {"bits": 8, "transparent": False}
 OCCUPANCY = "occupancy"
@@ -90,9 +90,7 @@ def _refuse_unused(options: argparse.Namespace) -> None:
         unused["loop"] = "returns to the first of several codes; a zoom into one code has no way back"
         if options.center:
             unused["seed"] = "chooses a film's target, which --center names"
-    for name, reason in unused.items():
-        if getattr(options, name) is not None:
-            raise InputError(f"--{name.replace('_', '-')} {reason}; leave it out")
+    refuse_idle(options, unused)
 
 
 def draw_still(code: IFS, options: argparse.Namespace) -> Path:

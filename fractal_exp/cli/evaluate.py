@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from ..errors import InputError
-from .commands import command, command_parser
+from .commands import command, command_parser, refuse_idle
 from .reading import add_reading
 
 SCALES = {"laptop": {"resolution": 256, "views": "attractor"}, "paper": {"resolution": 1024, "views": "released"}}
@@ -98,9 +98,7 @@ def _evaluate(options: argparse.Namespace, parser: argparse.ArgumentParser) -> N
         raise InputError(f"{pictures[0]} is a picture and {other} is none, and they are compared with a picture in "
                          "different ways; judge pictures and codes one after another")
     what = "pictures" if pictures else "codes with a picture" if is_drawn else "codes with codes"
-    for name in IDLE[what]:
-        if getattr(options, name) != parser.get_default(name):
-            raise InputError(f"--{name.replace('_', '-')} changes nothing where {what} are compared; leave it out")
+    refuse_idle(options, dict.fromkeys(IDLE[what], f"changes nothing where {what} are compared"), parser.get_default)
     if pictures:
         from .pictures import evaluate_pictures
 

@@ -7,8 +7,7 @@ import json
 from dataclasses import asdict
 from pathlib import Path
 
-from ..errors import InputError
-from .commands import CODE_HELP, ORDER_HELP, command, command_parser
+from .commands import CODE_HELP, ORDER_HELP, command, command_parser, refuse_idle
 
 SIDE, LARGEST = 1024, 50 * 10**6  # pixels a side of the drawing of a code; of a picture, for the memory
 
@@ -50,10 +49,10 @@ def measure(options: argparse.Namespace) -> None:
 
     threads.use()
     pictures = {name for name in options.measured if is_picture(Path(name))}
-    if not pictures and (options.threshold is not None or options.invert):
-        raise InputError("--threshold and --invert are for pictures, and none is given; leave them out")
-    if len(pictures) == len(options.measured) and options.order is not None:
-        raise InputError("--order is for files of codes, and none is given; leave it out")
+    if not pictures:
+        refuse_idle(options, dict.fromkeys(("threshold", "invert"), "is for pictures, and none is given"))
+    elif len(pictures) == len(options.measured):
+        refuse_idle(options, {"order": "is for files of codes, and none is given"})
     for name in options.measured:
         if name in pictures:
             lit = read_lit(name, invert={"true": True, "false": False}.get(options.invert, "auto"),

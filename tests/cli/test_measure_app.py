@@ -36,7 +36,7 @@ def test_json_has_a_line_for_each_with_all_digits(tmp_path, capsys):
 @pytest.mark.parametrize(("words", "message"), [
     (["nothing.png"], "'nothing.png' is no file"), (["koch_curv"], "did you mean 'koch_curve'?"),
     (["dark.png"], "dark.png"),
-    (["code.json", "--invert", "true"], "--threshold and --invert are for pictures"),
+    (["code.json", "--invert", "true"], "--invert is for pictures, and none is given; leave it out"),
     (["dark.png", "--order", "abecdf"], "--order is for files of codes"),
     (["code.json", "--theshold", "1"], "did you mean '--threshold' or"),
 ])

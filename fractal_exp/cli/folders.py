@@ -17,7 +17,7 @@ from torch import Tensor
 from ..errors import InputError
 from ..ifs.code import IFS
 from ..images.pixels import write_image
-from ..runtime.checkpoint import compare
+from ..runtime.checkpoint import Checkpoint, compare
 from ..runtime.files import alone_in, read_record, remove_partial, write_atomically
 from ..tracking.addresses import shown
 
@@ -71,6 +71,15 @@ class FitFolder:
     @property
     def checkpoint(self) -> Path:
         return self.path / "checkpoint.safetensors"
+
+    def checkpoint_of(self, what: str, every: int, identity: Mapping[str, Any], resume: bool) -> Checkpoint:
+        """The checkpoint that is to go on, or a new one; that of an unfinished `what` is then set aside. Raises
+        `InputError` if it is damaged or of another configuration."""
+        checkpoint = Checkpoint(self.checkpoint, every, identity, resume)
+        checkpoint.load()
+        if aside := checkpoint.set_aside():
+            print(f"an unfinished {what} was there; its checkpoint is kept as {aside}")
+        return checkpoint
 
     def finished_scores(self, identity: Mapping[str, Any]) -> dict[str, float] | None:
         """The scores of a finished fit of this identity, or None. Raises `InputError` if another one finished here."""

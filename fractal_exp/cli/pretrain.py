@@ -12,7 +12,6 @@ from omegaconf import DictConfig, OmegaConf
 from ..errors import InputError
 from ..methods.base import check_device
 from ..runtime import threads, weights
-from ..runtime.checkpoint import Checkpoint
 from ..runtime.checks import check_seconds
 from ..training.codes import CodeTraining
 from ..training.loop import Trained, train
@@ -54,10 +53,7 @@ def _pretrain(config: DictConfig, held: ExitStack) -> dict[str, float]:
         print(f"{folder.path} holds this training, finished; resume=false trains again")
         _tell(training, folder)
         return scores
-    checkpoint = Checkpoint(folder.checkpoint, config.checkpoint_every, identity, config.resume)
-    checkpoint.load()
-    if aside := checkpoint.set_aside():
-        print(f"an unfinished training was there; its checkpoint is kept as {aside}")
+    checkpoint = folder.checkpoint_of("training", config.checkpoint_every, identity, config.resume)
     print(f"{name}: training of its network, {config.scale} scale: {training.steps} steps at most on {config.device}")
     told = settings | {"method": settings["method"] | settings["pretraining"], "perceptual": "none"}
     # The CPU draws the pictures, wherever the network learns.

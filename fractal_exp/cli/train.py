@@ -28,7 +28,6 @@ from ..methods.super_resolution.enlarged import Enlarged
 from ..rendering.colour import on_ground
 from ..rendering.still import render
 from ..runtime import threads
-from ..runtime.checkpoint import Checkpoint
 from ..runtime.extras import need
 from ..runtime.files import write_atomically
 from ..studies.judging import Judgement, check_options, finds_truth, judge, judge_course
@@ -98,10 +97,7 @@ def _fit(config: DictConfig, held: ExitStack) -> dict[str, float]:
         return scores
     if scores:
         print(f"{folder.path} held this fit, finished; it is fitted again (resume=true takes it as it is)")
-    checkpoint = Checkpoint(folder.checkpoint, config.checkpoint_every, identity, config.resume)
-    checkpoint.load()
-    if aside := checkpoint.set_aside():
-        print(f"an unfinished fit was there; its checkpoint is kept as {aside}")
+    checkpoint = folder.checkpoint_of("fit", config.checkpoint_every, identity, config.resume)
     _announce(config, source.label, target)
 
     with runs.start(folder, settings, identity, source.label) as run, interruption.not_lost():  # KILLED, not FAILED

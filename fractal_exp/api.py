@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     import numpy as np
     from torch import Tensor
 
+    from .images.checks import Frame
     from .images.levels import Levels
     from .images.reading import ReadImage
     from .inversion import Inversion
@@ -29,7 +30,7 @@ OWN = ("method", "resolution", "frame", "invert", "threshold", "clean", "crop", 
 
 
 def invert(image: str | Path | np.ndarray | Tensor | ReadImage, /, *, method: str = "collage", resolution: int = 256,
-           frame: Literal["fit", "keep"] = "fit", invert: bool | Literal["auto"] = "auto",
+           frame: Frame = "fit", invert: bool | Literal["auto"] = "auto",
            threshold: float | None = None, clean: bool = True, crop: Sequence[int] | None = None,
            levels: Levels = "auto", colour: bool = False, seed: int = 0, seconds: float | None = None,
            progress: bool = False, on_step: OnStep | None = None, keep_interrupted: bool = False,
@@ -39,7 +40,8 @@ def invert(image: str | Path | np.ndarray | Tensor | ReadImage, /, *, method: st
     image: a path, or an array or tensor that `fractal_exp.images.read_target` accepts. The shape is found, turned white
     on black, centred, padded, and resized to (resolution, resolution). The code is in the frame of that image: the
     shape's longer side spans [-0.75, 0.75]. The result's `placement` maps it back to the picture's pixels. A
-    `ReadImage` from `read_target` is used as it is. frame: "keep" keeps the frame of a square picture, such as one from
+    `ReadImage` from `read_target` is used as it is. frame: "part" takes a shape that reaches a side of the picture
+    to go on beyond it; "keep" keeps the frame of a square picture, such as one from
     `render`; fitting it again would resample its grey levels. A grey `suite.target` of this resolution stays as it is,
     unless it was rounded to 8 bits. For a binary one take "keep".
     invert, threshold, clean, crop: see `read_target`. levels: what the grey levels mean, see

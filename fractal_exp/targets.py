@@ -15,6 +15,7 @@ from .errors import InputError
 from .ifs.code import IFS
 from .images import reading as images
 from .images import samples
+from .images.checks import Frame
 from .images.levels import Levels, meaning_of
 
 Kind = Literal["grey", "binary"]
@@ -93,15 +94,17 @@ class Picture(TargetSource):
     """An image file. Its shape is found, centred and padded, see `fractal_exp.images.read_target`."""
 
     def __init__(self, path: str, invert: bool | Literal["auto"] = "auto", threshold: float | None = None,
-                 clean: bool = True, crop: Sequence[int] | None = None, levels: Levels = "auto"):
+                 clean: bool = True, crop: Sequence[int] | None = None, levels: Levels = "auto",
+                 frame: Frame = "fit"):
         self.levels: Levels = levels
+        self.frame: Frame = frame
         self.path, self.threshold, self.clean, self.crop = Path(path).absolute(), threshold, clean, crop
         self.invert: bool | Literal["auto"] = invert
         self.label = self.path.stem
 
     def load(self, resolution: int) -> Target:
         return Target(images.read_target(self.path, resolution, invert=self.invert, threshold=self.threshold,
-                                         clean=self.clean, crop=self.crop, levels=self.levels))
+                                         clean=self.clean, crop=self.crop, levels=self.levels, frame=self.frame))
 
 
 class RetinaVessels(TargetSource):

@@ -12,7 +12,7 @@ from .reading import add_reading
 SCALES = {"laptop": {"resolution": 256, "views": "attractor"}, "paper": {"resolution": 1024, "views": "released"}}
 VIEWS, ALIGNMENTS = ("attractor", "released", "uniform"), ("bbox", "none")
 DISTANCES = ("lpips_alex", "lpips_squeeze", "lpips_vgg", "fractal")
-AS_READ = "threshold", "crop", "levels", "as_it_is"
+AS_READ = "threshold", "crop", "frame", "levels", "as_it_is"
 IDLE = {  # options that change nothing, by what is compared
     "codes with codes": ("invert", *AS_READ),
     "codes with a picture": ("points", "views", "device", "cache"),

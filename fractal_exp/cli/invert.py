@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from ..inversion import Inversion
     from ..methods.base import Progress
 
-FLAGS = {name: f"--{name}" for name in ("method", "resolution", "invert", "threshold", "crop", "levels", "seed",
-                                         "seconds", "colour")}
+FLAGS = {name: f"--{name}" for name in ("method", "resolution", "invert", "threshold", "crop", "frame", "levels",
+                                         "seed", "seconds", "colour")}
 FLAGS["clean"] = "--as-it-is"
 CHANGED = FLAGS | {"maps": "--maps"}  # flags of what a remedy may change
 

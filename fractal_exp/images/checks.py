@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from numbers import Integral, Real
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from ..errors import InputError
-from ..runtime.checks import into_unit
+from ..runtime.checks import check_choice, into_unit
 
 MIN_SIDE = 16                            # pixels, for a picture and for a target
 ROUNDING = 1e-5                          # floats may leave [0,1] by this much
+Frame = Literal["fit", "part", "keep"]   # how a picture is brought to the canvas, see `reading.read_target`
 WHITE_LEVELS = {"bool": 1, "uint8": 255, "uint16": 65535, "float16": 1, "float32": 1, "float64": 1}
 
 
@@ -62,8 +63,7 @@ def check_options(invert: Any, threshold: Any, padding: Any, frame: Any, clean: 
         raise InputError(f"threshold must be between 0 and 1, or none for a grey target; got {threshold!r}")
     if not (isinstance(padding, Real) and 0 <= float(padding) < 1):
         raise InputError(f"padding must be at least 0 and below 1 (0.25 leaves the shape 75%), got {padding!r}")
-    if frame not in ("fit", "keep"):
-        raise InputError(f'frame must be "fit" or "keep", got {frame!r}')
+    check_choice("frame", frame, get_args(Frame))
     if not isinstance(clean, bool | np.bool_):
         raise InputError(f"clean must be true or false, got {clean!r}")
 

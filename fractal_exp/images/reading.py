@@ -14,7 +14,7 @@ from torch import Tensor
 from ..errors import InputError
 from . import tone
 from .bands import LARGEST_PIXELS, Bands, Crop, Overview, Profile
-from .checks import MIN_SIDE, Notes, check_crop, check_options, check_resolution
+from .checks import MIN_SIDE, Frame, Notes, check_crop, check_options, check_resolution
 from .colours import MIN_CONTRAST, Pen, background_colour, luminance, luminance_of
 from .known import Known
 from .levels import Levels, TargetImage, decided
@@ -23,7 +23,7 @@ from .parts import beside_the_shape
 from .pixels import open_pixels
 from .placement import Placement
 from .plots import without_axes
-from .sampling import is_target, resample, window
+from .sampling import CUT, CUT_IF_SAID, CUT_IN_CROP, is_target, resample, window
 
 __all__ = ["PADDING", "ReadImage", "check_resolution", "read_grey", "read_lit", "read_target"]
 
@@ -74,7 +74,7 @@ def read_target(
     invert: bool | Literal["auto"] = "auto",
     threshold: float | None = None,
     padding: float = PADDING,
-    frame: Literal["fit", "keep"] = "fit",
+    frame: Frame = "fit",
     clean: bool = True,
     crop: Sequence[int] | None = None,
     levels: Levels = "auto",
@@ -94,14 +94,15 @@ def read_target(
     frame: "fit" centres the shape's bounding box on the canvas. The box holds all pixels that exceed the background by
     a tenth of the contrast (a quarter in a coloured drawing as JPEG, which rings beside edges) and by six standard
     deviations of the border's noise. Its edge pixels count by their level, so smooth edges are found between pixels. A
-    grey `suite.target` of this resolution stays as it is, unless it was rounded to 8 bits. "keep" keeps the frame of
-    any square picture.
-    clean: with "fit", look for the one shape and its own levels, and report it in the notes. In a coloured picture,
-    levels are distances from the background's colour, with 1 for the pen's colour. In a JPEG file they are differences
-    in luma, if one pen drew all and its luma differs enough from the background's, because the file stores colours at
-    half the resolution. The background and its noise become 0; a shape of one flat colour becomes 1. Axes, frames,
-    text, specks and all but the largest of several solid shapes are left out. A drawing of a code on black stays as it
-    is. A lossy WebP and a TIFF with JPEG compression count as JPEG here.
+    grey `suite.target` of this resolution stays as it is, unless it was rounded to 8 bits. "part" centres the box too,
+    and takes the shape to go on beyond every side of the picture, or of the crop, that it reaches. "keep" keeps the
+    frame of any square picture.
+    clean: except with "keep", look for the one shape and its own levels, and report it in the notes. In a coloured
+    picture, levels are distances from the background's colour, with 1 for the pen's colour. In a JPEG file they are
+    differences in luma, if one pen drew all and its luma differs enough from the background's, because the file stores
+    colours at half the resolution. The background and its noise become 0; a shape of one flat colour becomes 1. Axes,
+    frames, text, specks and all but the largest of several solid shapes are left out. A drawing of a code on black
+    stays as it is. A lossy WebP and a TIFF with JPEG compression count as JPEG here.
     crop: (left, top, right, bottom), the part of the upright picture that is read, in pixels from the upper left
     corner. The last column and row of the part are right - 1 and bottom - 1. None reads all of it.
     With "fit", a picture or a crop that cuts its shape off is read as a part: `known` is the box that it shows, and a
@@ -119,18 +120,18 @@ def read_target(
     check_options(invert, threshold, padding, frame, clean)
     part = None if crop is None else check_crop(crop)
     name, notes = _name(source), Notes()
-    pixels = open_pixels(source, notes, name, shrink=frame == "fit", crop=part, most=most_pixels)
+    pixels = open_pixels(source, notes, name, shrink=frame != "keep", crop=part, most=most_pixels)
     width, height, (left, top) = pixels.width, pixels.height, pixels.origin
     if part is not None:
         name = f"the part {part} of {name}"
         notes.append(f"only the part of {part[2] - left}×{part[3] - top} px at ({left}, {top}) is read, as asked")
     _check_sides(width, height, frame, name)
-    shape = _levels(pixels, invert, name, notes, clean=clean and frame == "fit")
+    shape = _levels(pixels, invert, name, notes, clean=clean and frame != "keep")
     if threshold is not None:
         shape = shape.binary(threshold, name)
         notes.append(f"binary at the threshold {threshold:g}")
     scale, (left, top) = pixels.scale, shape.grey.origin
-    x, y, side, cut = _square(shape, frame, resolution, padding, notes, part is not None)
+    x, y, side, cut = _square(shape, frame, resolution, padding, notes, name, part is not None)
     _warn(notes, resolution / side / scale, shape.level)
     image = torch.from_numpy(resample(shape.grey, x, y, side, resolution, shape.level))
     known = _known(shape.grey, x, y, side, resolution, cut)
@@ -188,7 +189,7 @@ def _check_sides(width: int, height: int, frame: str, name: str) -> None:
         raise InputError(f'frame="keep" needs a square picture, {name} is {width}×{height}; use frame="fit" or crop it')
 
 
-def _square(shape: _Shape, frame: str, resolution: int, padding: float, notes: Notes, is_part: bool
+def _square(shape: _Shape, frame: str, resolution: int, padding: float, notes: Notes, name: str, is_crop: bool
             ) -> tuple[float, float, float, Collection[str]]:
     """The square (x, y, side) of the picture that fills the canvas, all of it or the shape's; and the sides on which
     the picture cuts the shape off."""
@@ -196,10 +197,15 @@ def _square(shape: _Shape, frame: str, resolution: int, padding: float, notes: N
     if frame == "keep":
         return whole
     as_large = shape.grey.width == shape.grey.height == resolution
-    if as_large and padding == PADDING and is_target(shape.grey, shape.profile, padding):
+    if frame == "fit" and as_large and padding == PADDING and is_target(shape.grey, shape.profile, padding):
         notes.append("a target of this package in its frame: it stays as it is")
         return whole
-    return window(shape.grey, shape.profile, shape.level, padding, notes, rings=shape.rings, is_part=is_part)
+    cuts = CUT_IF_SAID if frame == "part" else CUT_IN_CROP if is_crop else CUT
+    found = window(shape.grey, shape.profile, shape.level, padding, notes, rings=shape.rings, cuts=cuts)
+    if frame == "part" and not found[-1]:
+        raise InputError(f'frame="part" needs a shape that reaches a side of the picture and is not a narrow strip, '
+                         f'that of {name} does not; leave frame="part" out')
+    return found
 
 
 def _known(grey: Bands, x: float, y: float, side: float, resolution: int, cut: Collection[str]) -> Known | None:

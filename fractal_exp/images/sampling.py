@@ -14,18 +14,18 @@ from .levels import has_target_levels
 SHAPE_LEVEL = 0.1                        # share of the contrast above which a pixel belongs to the shape
 SHAPE_LEVEL_IF_RINGING = 0.25            # the same in a coloured drawing as JPEG, which rings beside edges
 # Shares of a shape's span between which a side at least is lit in a picture that cuts it off. Photographs that are
-# trimmed on some sides have less, and flat edges of a shape more.
-CUT, MOST_CUT = 0.17, 0.95
+# trimmed on some sides have less, and flat edges of a shape more. Whoever crops means it, and whoever says so knows.
+CUT, CUT_IN_CROP, CUT_IF_SAID = (0.17, 0.95), (0.17, np.inf), (0.0, np.inf)
 NARROWEST = 0.25                         # canvas units: four cells of the search's coarsest grid
 FRAMED = 0.9, 1.25                       # limits of the box's longer side, in sides of the frame: tips may be faint
 CENTRED = 0.1                            # limit of the distance of the box's centre from the canvas', in the same unit
 
 
 def window(grey: Bands, profile: Profile, level: float, padding: float, notes: list[str], *,
-           rings: bool = False, is_part: bool = False) -> tuple[float, float, float, Collection[str]]:
+           rings: bool = False, cuts: tuple[float, float] = CUT) -> tuple[float, float, float, Collection[str]]:
     """The square (x, y, side) of a grey picture with this profile that fills the canvas: the shape's box, centred, with
     its padding; and the sides of the picture that cut the shape off. level: of the background; rings: whether it is a
-    coloured drawing in a lossy file; is_part: whether it is known to be a part of a picture."""
+    coloured drawing in a lossy file; cuts: shares of the shape's span between which a side is lit that cuts it off."""
     scale, origin = grey.scale, grey.origin
     contrast = float(profile.high) - level
     away = np.abs(profile.border - level) / contrast
@@ -45,9 +45,8 @@ def window(grey: Bands, profile: Profile, level: float, padding: float, notes: l
     spans = {"left": y1 - y0, "right": y1 - y0, "top": x1 - x0, "bottom": x1 - x0}
     lit = {name: float(((levels - level) / contrast > lowest).sum()) for name, levels in profile.sides.items()}
     touched = [name for name, count in lit.items() if count]
-    # Many pictures are trimmed to the shape's own box, and their flat sides lie on an edge. Whoever crops means it.
-    most = np.inf if is_part else 0 if len(touched) == len(lit) else MOST_CUT
-    is_cut = any(CUT * spans[name] < lit[name] <= most * spans[name] for name in touched)
+    is_trimmed = cuts == CUT and len(touched) == len(lit)  # as many pictures are, to the shape's own box
+    is_cut = not is_trimmed and any(cuts[0] * spans[name] < lit[name] <= cuts[1] * spans[name] for name in touched)
     is_wide = 2 * min(grey.width, grey.height) >= NARROWEST * side
     cut = touched if is_cut and is_wide else []
     if cut:
@@ -55,7 +54,7 @@ def window(grey: Bands, profile: Profile, level: float, padding: float, notes: l
                      "says how the shape goes on there")
     elif touched:
         notes.append(f"the shape reaches the edge of what is read ({', '.join(touched)}): it is taken to end there; if "
-                     "it is cut off there, give all of the picture as a crop")
+                     "it goes on beyond, say frame=part")
     return (x0 + x1 - side) / 2, (y0 + y1 - side) / 2, side, cut
 
 

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from ..errors import InputError
-from ..images.checks import MIN_SIDE
+from ..images.checks import MIN_SIDE, Frame
 from ..images.pixels import png, read_small
 from ..images.reading import ReadImage, read_target
 from ..runtime.files import write_atomically
@@ -32,7 +32,7 @@ class Reading(Params):
     invert: bool | Literal["auto"] = "auto"
     threshold: Annotated[float, Field(gt=0, lt=1)] | None = None
     clean: bool = True
-    frame: Literal["fit", "keep"] = "fit"
+    frame: Frame = "fit"
     crop: tuple[int, int, int, int] | None = None
     resolution: Annotated[int, Field(ge=MIN_SIDE, le=LARGEST_SIDE)] = Field(default_factory=lambda: RESOLUTION)
 

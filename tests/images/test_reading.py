@@ -162,7 +162,7 @@ def test_unusable_images_are_refused(case):
     ({"invert": "yes"}, 'invert must be "auto", true or false, got \'yes\''),
     ({"invert": None}, "got None"),
     ({"clean": "yes"}, "clean must be true or false, got 'yes'"),
-    ({"frame": "crop"}, 'frame must be "fit" or "keep", got \'crop\''),
+    ({"frame": "crop"}, 'frame must be one of fit, part, keep, got \'crop\''),
 ])
 def test_unusable_options_are_refused(options, message):
     with pytest.raises(InputError, match=message):

@@ -11,6 +11,7 @@ from PIL import Image, ImageDraw
 
 from fractal_exp import InputError, codes
 from fractal_exp.ifs import attractor
+from fractal_exp.ifs.code import View
 from fractal_exp.images.known import Known
 from fractal_exp.images.levels import TargetImage
 from fractal_exp.images.reading import ReadImage, read_target
@@ -72,6 +73,24 @@ def test_a_tip_or_a_straight_side_may_touch_the_edge():
     read = read_target(block, SIDE)
     assert read.known is None and any("it is taken to end there" in note for note in read.notes)
     assert read_target(np.pad(block, ((0, 0), (40, 0))), SIDE, crop=(40, 0, 240, 200)).known is not None
+
+
+def test_a_close_view_of_thin_lines_is_a_part_if_that_is_said():
+    triangle = attractor.normalize(codes.known("sierpinski_triangle"))
+    close = (255 * render(triangle, View((-0.3, -0.2), 2.5), resolution=400)).round().byte().numpy()
+    assert read_target(close, SIDE).known is None  # it reaches all four sides, as a trimmed picture does
+    read = read_target(close, SIDE, frame="part")
+    assert read.known == Known(*(pytest.approx(end, abs=0.02) for end in (-0.75, -0.75, 0.75, 0.75)))
+    assert told(read) and read.image.shape == (SIDE, SIDE)
+    tip = np.zeros((200, 200), np.uint8)
+    tip[99:102, 150:] = tip[60:140, 60:150] = 255   # one side, lit along little
+    known = read_target(tip, SIDE, frame="part").known
+    assert known is not None and known.right < 1.0 and (known.left, known.bottom, known.top) == (-1.0, -1.0, 1.0)
+
+
+def test_what_lies_within_its_picture_is_no_part(fern):
+    with pytest.raises(InputError, match='frame="part" needs a shape that reaches a side.*leave frame="part" out'):
+        read_target(fern, SIDE, frame="part")
 
 
 def test_what_is_known_is_kept_with_other_levels():

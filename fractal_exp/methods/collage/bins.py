@@ -1,5 +1,4 @@
-"""Measures on grids, from the masses of an image or from points, and the correction of these masses where grey levels
-saturate."""
+"""Measures on grids, from the masses of an image, and the correction of these masses where grey levels saturate."""
 
 from __future__ import annotations
 
@@ -12,7 +11,7 @@ from ...cameras.levels import Levels
 from ...cameras.points import WARMUP
 from ...ifs.canvas import canvas_to_pixel
 from ...ifs.code import IFS
-from ...ops.collage import BinnedMeasure, pushforward
+from ...ops.collage import BinnedMeasure
 from ...ops.collage.reference import EDGE
 from .params import SaturationParams
 
@@ -65,13 +64,6 @@ def halve(bins: Tensor, size: int) -> Tensor:
     """Bins (…,G,G) summed to (…,size,size)."""
     step = bins.shape[-1] // size
     return avg_pool2d(bins.reshape(-1, 1, *bins.shape[-2:]), step).view(*bins.shape[:-2], size, size) * step**2
-
-
-def point_bins(points: Tensor, size: int) -> Tensor:
-    """The measure (G,G) of points (P,2) of equal mass, in bilinear bins."""
-    samples = torch.cat([points, torch.full_like(points[:, :1], 1 / len(points))], 1)
-    identity = points.new_tensor([[[1.0, 0, 0, 1, 0, 0]]])
-    return pushforward(identity, points.new_ones(1, 1), samples, size)[0]
 
 
 def saturation_corrected(masses: Tensor, code: IFS, levels: Levels, params: SaturationParams, seed: int) -> Tensor:

@@ -9,10 +9,10 @@ from torch.nn.functional import avg_pool2d
 from ... import ops
 from ...cameras.levels import Levels
 from ...cameras.points import WARMUP
-from ...ifs.canvas import canvas_to_pixel
 from ...ifs.code import IFS
 from ...ops.collage import BinnedMeasure
 from ...ops.collage.reference import EDGE
+from ...ops.counts import point_counts
 from .params import SaturationParams
 
 CELLS_PER_PIXEL = 1.3   # maximum along a side of the finest grid
@@ -83,12 +83,9 @@ def correction(masses: Tensor, code: IFS, levels: Levels, params: SaturationPara
     if not params.enabled:
         return torch.ones_like(masses)
     resolution = masses.shape[0]
-    bins = torch.zeros_like(masses)
     points = ops.chaos_game(code.linear, code.offset, trajectories=params.trajectories, length=LENGTH, warmup=WARMUP,
                             probabilities=code.sampling_probabilities(), seed=seed)
-    inside = (points.abs() < 1).all(1)
-    row, column = canvas_to_pixel(points[inside], resolution).long().clamp(0, resolution - 1).unbind(1)
-    bins.view(-1).scatter_add_(0, row * resolution + column, torch.full_like(column, 1 / len(points), dtype=bins.dtype))
+    bins = point_counts(points, resolution).to(masses) / len(points)
     estimate = levels.measure(levels.render(code, resolution, seed).to(masses))
     if levels.known is not None:  # what lies off the canvas is not in the estimate
         bins = bins / bins.sum().clamp_min(1e-9)

@@ -10,6 +10,7 @@ from torch import Tensor
 from .. import ops
 from ..ifs import affine
 from ..ifs.code import IFS
+from ..ops.counts import point_counts
 from ..runtime.seeds import generator
 
 TRAJECTORY = 430   # points of each trajectory, including those of the warm-up
@@ -33,7 +34,4 @@ def counted(code: IFS, resolution: int, count: float, seed: int, spread: float =
     points = attractor_points(affine.from_code(code), code.sampling_probabilities(), max(1, round(count)), seed)
     if spread:
         points = points + spread * torch.randn(points.shape, generator=generator(seed, "spread"))
-    column, row = ((points * points.new_tensor([1, -1]) + 1) * (resolution / 2)).floor().long().unbind(1)
-    inside = (column >= 0) & (column < resolution) & (row >= 0) & (row < resolution)
-    counts = torch.bincount((row * resolution + column)[inside], minlength=resolution**2)
-    return counts.view(resolution, resolution).to(points.dtype)
+    return point_counts(points, resolution).to(points.dtype)

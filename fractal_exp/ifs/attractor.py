@@ -22,6 +22,7 @@ from .contraction import AVERAGE
 FRAME_SIDE = 1.5          # the longer side of a normalised attractor: 25% padding of the canvas [-1,1]²
 BOX_TOLERANCE = 1e-7      # of the box's longer side
 DIRECTIONS = 1024         # of the support function's table
+TOLERANCE = 1e-7          # of its bounds, relative to the radius of the disc
 MAX_SWEEPS = 5_000        # of the support function's fixed-point iteration
 MAX_LETTERS = 20_000      # maximum length of words whose reach is also bounded by their length
 VISIBLE_CHANCE = 1e-6     # minimum probability of a visible word
@@ -66,22 +67,22 @@ def _likely_box(code: IFS) -> tuple[np.ndarray, np.ndarray]:
     return (low + high - BEYOND * (high - low)) / 2, (low + high + BEYOND * (high - low)) / 2
 
 
-def support_function(code: IFS) -> np.ndarray:
-    """Certain upper bounds (K,) of max over the attractor of u_k·x, at K = 1024 directions of angle 2 pi k / K.
+def support_function(code: IFS, directions: int = DIRECTIONS, tolerance: float = TOLERANCE) -> np.ndarray:
+    """Certain upper bounds (K,) of max over the attractor of u_k·x, at K directions of angle 2 pi k / K.
 
     The half planes u_k·x <= h_k contain the attractor. A support function obeys h(u) = max_i h(M_i^T u) + b_i·u and is
     sublinear, so interpolation between two directions never underestimates it. The iteration starts from the disc's
-    values; every bound stays certain while it shrinks. Raises `InputError` if the code is not contractive.
+    values; every bound stays certain while it shrinks. It ends where further sweeps would lower no bound by more than
+    about `tolerance` radii of the disc. Raises `InputError` if the code is not contractive.
     """
     center, radius = bounding_disc(code)
+    units = _unit_vectors(directions)
     if code.contraction.kind == AVERAGE:
         low, high = _likely_box(code)
-        return _unit_vectors() @ center + np.abs(_unit_vectors()) @ (high - low) / 2
+        return units @ center + np.abs(units) @ (high - low) / 2
     linear, offset = (values[_chances(code) > 0] for values in _float64(code))
-    table = _unit_vectors() @ center + radius
-    first, weights, shift = _one_letter(linear, offset)
     slack = 1 - code.contraction.factor
-    return lowered(table, first, weights, shift, 1e-7 * slack * radius, MAX_SWEEPS)
+    return lowered(units @ center + radius, *_one_letter(linear, offset, units), tolerance * slack * radius, MAX_SWEEPS)
 
 
 def visible_box(code: IFS) -> np.ndarray:
@@ -114,7 +115,7 @@ def visible_tips(code: IFS) -> list[tuple[float, np.ndarray]]:
     table = _reach_of_visible_words(code, linear, offset, chance, mean)
     tolerance = BOX_TOLERANCE * max(table[0] + table[DIRECTIONS // 2], table[DIRECTIONS // 4] + table[-DIRECTIONS // 4])
     return [farthest_word(u, linear, offset, chance, mean, table, VISIBLE_CHANCE, tolerance)
-            for u in _unit_vectors()[:: DIRECTIONS // 4]]
+            for u in _unit_vectors(4)]
 
 
 def _reach_of_visible_words(code: IFS, linear: np.ndarray, offset: np.ndarray, chance: np.ndarray,
@@ -129,7 +130,8 @@ def _reach_of_visible_words(code: IFS, linear: np.ndarray, offset: np.ndarray, c
     letters = math.log(VISIBLE_CHANCE) / math.log(likeliest) if likeliest < 1 else math.inf
     if letters > MAX_LETTERS:
         return table
-    return np.minimum(table, raised(_unit_vectors() @ mean, *_one_letter(linear, offset), math.floor(letters) + 1))
+    units = _unit_vectors(DIRECTIONS)
+    return np.minimum(table, raised(units @ mean, *_one_letter(linear, offset, units), math.floor(letters) + 1))
 
 
 def normalize(code: IFS) -> IFS:
@@ -195,22 +197,21 @@ def _float64(code: IFS) -> tuple[np.ndarray, np.ndarray]:
     return code.linear.cpu().double().numpy(), code.offset.cpu().double().numpy()
 
 
-def _one_letter(linear: np.ndarray, offset: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The coefficients that give u_k·f_i(x) from the table of u·x, see `lowered`."""
-    units = _unit_vectors()
-    return *_interpolation(np.einsum("nij,ki->nkj", linear, units)), offset @ units.T
+def _one_letter(linear: np.ndarray, offset: np.ndarray, units: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The coefficients that give u_k·f_i(x) from the table of u·x at the unit vectors (K,2), see `lowered`."""
+    return *_interpolation(units @ linear, len(units)), offset @ units.T
 
 
-def _unit_vectors() -> np.ndarray:
-    angle = np.arange(DIRECTIONS) * (2 * np.pi / DIRECTIONS)
+def _unit_vectors(directions: int) -> np.ndarray:
+    angle = np.arange(directions) * (2 * np.pi / directions)
     return np.column_stack([np.cos(angle), np.sin(angle)])
 
 
-def _interpolation(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _interpolation(rows: np.ndarray, directions: int) -> tuple[np.ndarray, np.ndarray]:
     """Write each row (…,2) as alpha u_k + beta u_k+1 with alpha, beta >= 0: k (…) and the pair (…,2)."""
-    delta = 2 * np.pi / DIRECTIONS
+    delta = 2 * np.pi / directions
     angle = np.mod(np.arctan2(rows[..., 1], rows[..., 0]), 2 * np.pi)
-    first = np.minimum((angle / delta).astype(np.int64), DIRECTIONS - 1)
+    first = np.minimum((angle / delta).astype(np.int64), directions - 1)
     phi = angle - first * delta
     length = np.linalg.norm(rows, axis=-1)[..., None]
     weights = length * np.stack([np.sin(delta - phi), np.sin(phi)], -1) / np.sin(delta)

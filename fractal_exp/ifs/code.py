@@ -128,7 +128,9 @@ class IFS:
         def from_json(data: Any) -> IFS: ...
 
     def to(self, device: torch.device | str) -> IFS:
-        """The same code on another device."""
+        """The same code on another device; the code itself if it lies there."""
+        if self.linear.device == torch.device(device):
+            return self
         p = None if self.probabilities is None else self.probabilities.to(device)
         colours = None if self.colours is None else self.colours.to(device)
         return replace(self, linear=self.linear.to(device), offset=self.offset.to(device), probabilities=p,
@@ -200,7 +202,8 @@ class IFS:
 
 def sampling_probabilities(linear: Tensor) -> Tensor:
     """|det M_i| + 0.01, normalised over the maps: (…,N,2,2) -> (…,N)."""
-    p = torch.linalg.det(linear.double()).abs() + PROBABILITY_FLOOR
+    a, b, c, d = linear.double().flatten(-2).unbind(-1)
+    p = (a * d - b * c).abs() + PROBABILITY_FLOOR
     return (p / p.sum(-1, keepdim=True)).to(linear.dtype)
 
 

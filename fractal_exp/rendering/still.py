@@ -173,6 +173,8 @@ def _drawable(code: IFS) -> IFS:
     if not isinstance(code, IFS):
         raise InputError(f"a code must be an IFS, got {type(code).__name__}; IFS(linear, offset) makes one")
     own = code.probabilities
+    if not any(each.requires_grad for each in (code.linear, code.offset, own) if each is not None):
+        return code
     return replace(code, linear=code.linear.detach(), offset=code.offset.detach(),
                    probabilities=None if own is None else own.detach())
 

@@ -21,6 +21,8 @@ PILOT_POINTS = 65_536        # points that weigh a view, to 0.4%
 WORD = 4                     # work of visiting a word, in points thrown
 SEARCH_WORK = 30_000_000     # points thrown before a view counts as empty: about a tenth of a second
 WORK, WORK_PER_POINT = 1_000_000_000, 25  # limits for a view: about ten seconds at 50 million points
+HULL_DIRECTIONS = 128        # of the half planes whose smallest rectangle is taken: a rectangle need not be tight
+HULL_TOLERANCE = 1e-3        # of their bounds, relative to the radius of the attractor's disc
 EVERYWHERE = 1e9             # times the likely rectangle of a measure with tails: with it, no word is left out
 
 
@@ -39,7 +41,7 @@ def address_tree(code: IFS, reuse: int = 1, *, with_colours: bool = False) -> Ad
     are none."""
     probabilities = code.sampling_probabilities()
     colours = _colours(code, probabilities) if with_colours else None
-    h = attractor.support_function(code)
+    h = attractor.support_function(code, HULL_DIRECTIONS, HULL_TOLERANCE)
     quarter = len(h) // 4
     # Widths and middles along direction k and across it.
     along, across = h[:quarter] + h[2 * quarter:3 * quarter], h[quarter:2 * quarter] + h[3 * quarter:]

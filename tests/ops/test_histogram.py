@@ -11,6 +11,7 @@ from fractal_exp import IFS, Colours, View, codes, ops, render
 from fractal_exp.ifs import attractor
 from fractal_exp.ops import histogram
 from fractal_exp.ops.histogram import cpu as cpu_histogram
+from fractal_exp.ops.histogram.boxes import lit_share
 from fractal_exp.rendering.still import render_with_info
 from fractal_exp.rendering.weighing import address_tree, window_of
 from fractal_exp.suite import random_suite
@@ -182,3 +183,16 @@ def test_colours_change_no_point():
         image = render(code, view, resolution=96, points_in_view=50_000, supersample=4, seed=3, mode="colour")
         assert torch.equal(image[..., 3], plain)
         assert bool((image[..., :3].sum(-1)[plain > 0] > 0).all()) and not bool(image[plain == 0].any())
+
+
+@pytest.mark.parametrize("factor", [1, 3, 4, 8, 16, 24, 32, 64])
+def test_the_lit_share_of_a_pixel_is_that_of_its_parts(factor):
+    rows, columns = 5 * factor, 7 * factor
+    parts = np.random.default_rng(factor).random((2, rows, columns)) < np.linspace(0, 1, columns)
+    planes = np.zeros((2, rows, 64 * (columns // 64 + 2)), np.uint8)
+    planes[..., :columns] = parts
+    bits = np.packbits(planes, axis=-1, bitorder="little").view(np.uint64)
+    share = np.empty((5, 7), np.float32)
+    lit_share(bits, factor, share)
+    expected = parts.any(0).reshape(5, factor, 7, factor).mean((1, 3))
+    assert np.allclose(share, expected, atol=1e-6)

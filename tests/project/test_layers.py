@@ -32,7 +32,7 @@ FLOORS = {  # of each folder with sub-folders, from the ground up; what is named
     "ifs": [{"canvas", "contraction_kernels", "numbers"}, {"colours", "contraction"}, {"code"},
             {"address_tree", "affine"}, {"attractor"}, {"formats"}],
     "ops": [{"cuda_launch", "filters", "scale"}, {"backends"}, {"chaos"},
-            {"collage", "histogram", "occupancy", "sequences", "splatting"}],
+            {"collage", "counts", "histogram", "occupancy", "sequences", "splatting"}],
     "methods": [{"base"}, {"history", "pretrained", "stepwise"},
                 {"chaotic", "collage", "learning_fractals", "population", "super_resolution"}, {"neural_regression"},
                 {"amortized"}],

@@ -1,5 +1,4 @@
-"""Measures on grids, from the masses of an image or from points, and the correction of these masses where grey levels
-saturate."""
+"""Measures on grids, from the masses of an image, and the correction of these masses where grey levels saturate."""
 
 from __future__ import annotations
 
@@ -10,10 +9,10 @@ from torch.nn.functional import avg_pool2d
 from ... import ops
 from ...cameras.levels import Levels
 from ...cameras.points import WARMUP
-from ...ifs.canvas import canvas_to_pixel
 from ...ifs.code import IFS
-from ...ops.collage import BinnedMeasure, pushforward
+from ...ops.collage import BinnedMeasure
 from ...ops.collage.reference import EDGE
+from ...ops.counts import point_counts
 from .params import SaturationParams
 
 CELLS_PER_PIXEL = 1.3   # maximum along a side of the finest grid
@@ -67,13 +66,6 @@ def halve(bins: Tensor, size: int) -> Tensor:
     return avg_pool2d(bins.reshape(-1, 1, *bins.shape[-2:]), step).view(*bins.shape[:-2], size, size) * step**2
 
 
-def point_bins(points: Tensor, size: int) -> Tensor:
-    """The measure (G,G) of points (P,2) of equal mass, in bilinear bins."""
-    samples = torch.cat([points, torch.full_like(points[:, :1], 1 / len(points))], 1)
-    identity = points.new_tensor([[[1.0, 0, 0, 1, 0, 0]]])
-    return pushforward(identity, points.new_ones(1, 1), samples, size)[0]
-
-
 def saturation_corrected(masses: Tensor, code: IFS, levels: Levels, params: SaturationParams, seed: int) -> Tensor:
     """The masses (R,R) of an image times `correction`, summing to 1."""
     corrected = masses * correction(masses, code, levels, params, seed)
@@ -91,12 +83,9 @@ def correction(masses: Tensor, code: IFS, levels: Levels, params: SaturationPara
     if not params.enabled:
         return torch.ones_like(masses)
     resolution = masses.shape[0]
-    bins = torch.zeros_like(masses)
     points = ops.chaos_game(code.linear, code.offset, trajectories=params.trajectories, length=LENGTH, warmup=WARMUP,
                             probabilities=code.sampling_probabilities(), seed=seed)
-    inside = (points.abs() < 1).all(1)
-    row, column = canvas_to_pixel(points[inside], resolution).long().clamp(0, resolution - 1).unbind(1)
-    bins.view(-1).scatter_add_(0, row * resolution + column, torch.full_like(column, 1 / len(points), dtype=bins.dtype))
+    bins = point_counts(points, resolution).to(masses) / len(points)
     estimate = levels.measure(levels.render(code, resolution, seed).to(masses))
     if levels.known is not None:  # what lies off the canvas is not in the estimate
         bins = bins / bins.sum().clamp_min(1e-9)

@@ -27,9 +27,11 @@ def within_limits(maps: Tensor) -> Tensor:
 
 
 def limited(maps: Tensor, weights: Tensor | None = None, largest: float = LARGEST) -> Tensor:
-    """The maps (N,6) with singular values at most `largest` and `SMALLER`; at most `SMALLER` both if their code, with
+    """The maps (…,N,6) with singular values at most `largest` and `SMALLER`; at most `SMALLER` both if their code, with
     probabilities in proportion to the weights (N,), would contract not even on average, so that nothing can draw it."""
     maps = contract(maps, largest, SMALLER)
     if bool((largest_singular(maps) < 1).all()) or not bool(torch.isfinite(maps).all()):
         return maps
+    if maps.ndim > 2:
+        return torch.stack([limited(each, weights, largest) for each in maps])
     return contract(maps, SMALLER) if to_code(maps, weights).contraction.kind == NEITHER else maps

@@ -16,6 +16,8 @@ from .reference import EDGE as EDGE_CELLS
 from .reference import Descent, Settings, Target
 from .steps import adam, contract, pass_on, push_off_identity, volume_of
 
+ABREAST = 8   # trajectories that are played together
+
 EDGE = float32(EDGE_CELLS)
 
 # A division that may raise, as Python's does, keeps LLVM from taking several cells at once.
@@ -62,9 +64,10 @@ def orbit_bins(maps: Tensor, thresholds: Tensor, seed: int, size: int, trajector
                ) -> Tensor:
     """See `collage.orbit_bins`; thresholds (N,) int64 are the cumulative probabilities in units of 2^-32."""
     bins = torch.zeros(len(maps), size * size)
-    cumulative = thresholds.numpy()
-    _orbit_bins(*_arrays(maps), cumulative, guide_of(cumulative[None])[0], np.int64(seed), trajectories, length, warmup,
-                size, bins.numpy())
+    cumulative, blocks = thresholds.numpy(), -(-trajectories // ABREAST)
+    letters, starts = np.empty((blocks, length, ABREAST), np.uint16), np.empty((blocks, 2, ABREAST), np.float32)
+    _letters(cumulative, guide_of(cumulative[None])[0], np.int64(seed), letters, starts)
+    _orbit_bins(*_arrays(maps), letters, starts, trajectories, warmup, size, bins.numpy())
     return bins.view(-1, size, size)
 
 
@@ -116,29 +119,48 @@ def _pushforward(maps, weights, samples, size, bins):
                 _add(weights[b, n], samples[2], corner, right, down, size, bins[b])
 
 
+@kernel(fastmath=FUSED)
+def _letters(thresholds, guide, seed, letters, starts):
+    """The maps that trajectories take, letters (B,L,ABREAST), and where they start, starts (B,2,ABREAST)."""
+    for number in range(len(letters) * ABREAST):
+        block, j = number // ABREAST, number % ABREAST
+        state, starts[block, 0, j], starts[block, 1, j] = start(seed, number)
+        for k in range(letters.shape[1]):
+            state = next_state(state)
+            variate = np.int64(state >> uint64(32))
+            i = guide[variate >> (32 - GUIDE_BITS)]
+            while variate >= thresholds[i]:
+                i += 1
+            letters[block, k, j] = i
+
+
+@njit(fastmath=FUSED)
+def _play(maps, letters, begin, warmup, points):
+    """The points (ABREAST,2,L - warmup) of trajectories that take each step together: alone, each would wait for its
+    own last step."""
+    x, y = begin[0].copy(), begin[1].copy()
+    for k in range(len(letters)):
+        for j in range(ABREAST):
+            m = maps[letters[k, j]]  # in the order that LLVM gives the sums of the chaos game: the same points to a bit
+            u, v = hold(m[1] * y[j] + (m[0] * x[j] + m[4])), hold(m[3] * y[j] + (m[2] * x[j] + m[5]))
+            x[j], y[j] = u, v
+            if k >= warmup:
+                points[j, 0, k - warmup], points[j, 1, k - warmup] = u, v
+
+
 @kernel(parallel=True, fastmath=FUSED)
-def _orbit_bins(maps, thresholds, guide, seed, trajectories, length, warmup, size, bins):
-    count = length - warmup
+def _orbit_bins(maps, letters, starts, trajectories, warmup, size, bins):
+    count = letters.shape[1] - warmup
     identity = np.array([1, 0, 0, 1, 0, 0], np.float32)
     for b in prange(maps.shape[0]):
         corner, right, down = np.empty(count, np.int32), np.empty(count, np.float32), np.empty(count, np.float32)
-        points = np.empty((2, count), np.float32)
+        points = np.empty((ABREAST, 2, count), np.float32)
         mass = np.full(count, float32(1 / (trajectories * count)))
-        for trajectory in range(trajectories):
-            state, x, y = start(seed, trajectory)
-            for k in range(length):
-                state = next_state(state)
-                variate = np.int64(state >> uint64(32))
-                i = guide[variate >> (32 - GUIDE_BITS)]
-                while variate >= thresholds[i]:
-                    i += 1
-                m = maps[b, i]  # in the order that LLVM gives the sums of the chaos game, for the same points to a bit
-                x, y = hold(m[1] * y + (m[0] * x + m[4])), hold(m[3] * y + (m[2] * x + m[5]))
-                if k >= warmup:
-                    points[0, k - warmup] = x
-                    points[1, k - warmup] = y
-            _locate(identity, points, size, corner, right, down)
-            _add(float32(1), mass, corner, right, down, size, bins[b])
+        for block in range(len(letters)):
+            _play(maps[b], letters[block], starts[block], warmup, points)
+            for j in range(min(ABREAST, trajectories - block * ABREAST)):
+                _locate(identity, points[j], size, corner, right, down)
+                _add(float32(1), mass, corner, right, down, size, bins[b])
 
 
 @vectorized

@@ -10,7 +10,7 @@ from fractal_exp import codes, suite
 from fractal_exp.ifs import affine, attractor
 from fractal_exp.methods.collage.bins import binned
 from fractal_exp.methods.collage.image.gauss_newton import polished
-from fractal_exp.methods.collage.image.jacobian import FromPoints, FromRenderings
+from fractal_exp.methods.collage.image.jacobian import FromPoints, FromRenderings, halved
 from fractal_exp.methods.collage.image.objective import Frame
 from fractal_exp.methods.collage.measure.births import reoriented, thinness
 from fractal_exp.methods.collage.moves.reorient import with_reorientation
@@ -139,3 +139,12 @@ def test_a_polished_code_loses_what_neither_picture_nor_frame_asks_for(triangle)
     assert pruned_in_frame(picture, drawn, Price(price), near=True) is drawn
     asked = objective(picture.image, maps=4)
     assert pruned_in_frame(asked, drawn, Price(price), near=False) is drawn  # as many as there must be
+
+
+@pytest.mark.parametrize("side", [6, 7])
+def test_cells_are_halved_as_the_whole_grid_would_be(side):
+    dense = torch.rand(3, side, side) * (torch.rand(side, side) < 0.4)
+    cells = (dense != 0).any(0).flatten().nonzero().flatten()
+    found, means = halved(cells, dense.flatten(1)[:, cells].T, side)
+    expected = torch.nn.functional.avg_pool2d(dense, 2, ceil_mode=True).flatten(1)
+    torch.testing.assert_close(torch.zeros_like(expected).index_copy(1, found, means.T), expected)

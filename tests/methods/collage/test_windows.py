@@ -12,14 +12,14 @@ from collage_helpers import CAMERA, DENSITY, PARAMS
 from fractal_exp import codes
 from fractal_exp.cameras.comparison import Comparison
 from fractal_exp.cameras.kinds import levels_of, with_camera
-from fractal_exp.cameras.points import attractor_points
+from fractal_exp.cameras.points import trajectories
 from fractal_exp.errors import InputError
 from fractal_exp.evaluation.metrics import f1_1px
 from fractal_exp.ifs import affine, attractor
 from fractal_exp.images.known import Known
 from fractal_exp.images.levels import DRAWN, TargetImage
 from fractal_exp.likeness import Likeness, redrawn
-from fractal_exp.methods.collage.bins import binned, point_bins
+from fractal_exp.methods.collage.bins import binned
 from fractal_exp.methods.collage.image.camera import polish_under
 from fractal_exp.methods.collage.image.counts import FromCounts
 from fractal_exp.methods.collage.image.objective import Frame, ImageObjective
@@ -27,7 +27,7 @@ from fractal_exp.methods.collage.measure.search import MeasureSearch, Regime
 from fractal_exp.methods.collage.measure.windows import WindowSearch, completed, search_on, seen
 from fractal_exp.methods.collage.moves.tools import CorrectedMeasure
 from fractal_exp.methods.collage.state import Candidate, WeightedMaps
-from fractal_exp.ops.collage import BinnedMeasure, Descent, collage_error, descend, pushforward
+from fractal_exp.ops.collage import BinnedMeasure, Descent, collage_error, descend, orbit_bins, pushforward
 from fractal_exp.runtime.deadline import NO_DEADLINE
 
 SIDE = 128
@@ -43,8 +43,7 @@ HALVES = torch.stack([torch.full((32, 32), 0.0), torch.full((32, 32), 1.0)])
 
 def counted(side: int) -> torch.Tensor:
     """The numbers of points of the gasket in the pixels of an image, over the largest."""
-    points = attractor_points(MAPS, WEIGHTS, 20 * side**2, 0)
-    counts = point_bins(points, side)
+    counts, = orbit_bins(MAPS[None], WEIGHTS, side, seed=0, **trajectories(20 * side**2))
     return counts / counts.max()
 
 
@@ -175,9 +174,9 @@ def test_counts_have_no_derivatives_where_nothing_is_known(side):
     image = counted(side) * CUT.mask(side)
     objective = ImageObjective(image, levels_of(image, "linear", CAMERA, CUT), PARAMS)
     shown = objective.judge(MAPS, WEIGHTS)
-    columns, _ = next(iter(FromCounts(objective, shown, [0], 0).grids(objective, shown)))
-    mask = CUT.mask(columns.shape[-1])
-    assert columns[:, mask].abs().max() > 0 == columns[:, ~mask].abs().max()
+    _, rows = next(iter(FromCounts(objective, shown, [0], 0).grids(objective, shown)))
+    mask = CUT.mask(objective.side).flatten()
+    assert rows[mask].abs().max() > 0 == rows[~mask].abs().max()
 
 
 def test_a_camera_that_is_polished_knows_what_is_not_seen():

@@ -38,7 +38,7 @@ class FromCounts(Jacobian):
                 moved[i] += value * unit
         return (moved - moved.max()).exp().clamp_min(LEAST_WEIGHT)
 
-    def grids(self, objective: ImageObjective, rendered: Rendered) -> Iterator[tuple[Tensor, Tensor]]:
+    def grids(self, objective: ImageObjective, rendered: Rendered) -> Iterator[tuple[Tensor | slice, Tensor]]:
         levels, side, step = objective.levels, self.side, STEP_PX
         assert isinstance(levels, Linear)
         margin = math.ceil(side * MARGIN)
@@ -62,7 +62,7 @@ class FromCounts(Jacobian):
         for k, grey in enumerate(objective.grids(rendered.image)):
             if k:
                 columns = avg_pool2d(columns, 2, ceil_mode=True)
-            yield columns, levels.stabilizing_slope(grey, objective.subpixels * 4**k)
+            yield slice(None), (columns * levels.stabilizing_slope(grey, objective.subpixels * 4**k)).flatten(1).T
 
 
 def _shifted(measure: Tensor, maps: Tensor, probabilities: Tensor, chosen: int) -> Tensor:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterator, Sequence
+from functools import cached_property
 
 import torch
 from torch import Tensor
@@ -15,7 +16,6 @@ from ....cameras.points import attractor_points, trajectories
 from ....ifs import affine
 from ....ops.collage import orbit_bins
 from ....runtime.seeds import derive
-from ..bins import point_bins
 from ..limits import limited
 from .objective import Frame, ImageObjective, Rendered
 
@@ -30,7 +30,8 @@ STROKE_EFFECT = 1e-3       # share of the largest sum of squared derivatives bel
 #                            the width of a stroke has no effect until the map is no longer flat
 NUDGE_PX = 0.05            # finite difference of a parameter in a Jacobian from renderings
 BINARY_NUDGE_PX = 0.3      # the same for a binary image, which changes by whole pixels
-ROWS = 2**21               # numbers of a Jacobian that are multiplied at once, to limit the memory
+PIECE = 2**21              # numbers of a Jacobian that are multiplied at once, to limit the memory
+MOMENTS = 50_000           # points that show the mean and the spread of an attractor: they only set units
 
 
 class Jacobian(ABC):
@@ -45,10 +46,10 @@ class Jacobian(ABC):
         self.least_effect = 0.0 if objective.levels.is_whole else STROKE_EFFECT
         self.seed = derive(objective.seed, "jacobian", number)
         self.count = int(self.params.points_per_cell * self.side**2)
-        self.points = attractor_points(rendered.maps, rendered.probabilities, self.count, self.seed)
         self.game = trajectories(self.count)
-        self.mean = self.points.mean(0).tolist()
-        spread = self.points.std(0).clamp_min(LEAST_SPREAD).tolist()
+        points = attractor_points(rendered.maps, rendered.probabilities, MOMENTS, self.seed)
+        self.mean = points.mean(0).tolist()
+        spread = points.std(0).clamp_min(LEAST_SPREAD).tolist()
         pixel = 2 / objective.side
         self.weights = rendered.weights
         self.units = [(i, j, pixel if j > 3 else pixel / spread[j % 2]) for i in moving for j in range(6)
@@ -57,13 +58,12 @@ class Jacobian(ABC):
         count = len(self.units)
         self.square, self.gradient = torch.zeros(count, count).double(), torch.zeros(count).double()
         grids = self.grids(objective, rendered)
-        for residual, (columns, slope) in zip(objective.residuals(rendered.image), grids, strict=True):
-            rows = max(1, ROWS // (count * len(residual)))
-            for part in range(0, len(residual), rows):  # in pieces, to save memory
-                piece = slice(part, part + rows)
-                scaled = (columns[:, piece] * slope[piece]).flatten(1).double()
-                self.square += (scaled @ scaled.T).cpu()
-                self.gradient += (scaled @ residual[piece].flatten().double()).cpu()
+        for residual, (cells, rows) in zip(objective.residuals(rendered.image), grids, strict=True):
+            pieces = (each.split(max(1, PIECE // count)) for each in (rows, residual.flatten()[cells]))
+            for derivatives, wanted in zip(*pieces, strict=True):  # to save memory
+                precise = derivatives.double()
+                self.square += (precise.T @ precise).cpu()
+                self.gradient += (precise.T @ wanted.double()).cpu()
         if objective.frame is not None:
             self._add_frame(objective, objective.frame, rendered)
 
@@ -90,8 +90,8 @@ class Jacobian(ABC):
         return objective.seen_with(levels.adjusted(moved)) if moved else objective
 
     @abstractmethod
-    def grids(self, objective: ImageObjective, rendered: Rendered) -> Iterator[tuple[Tensor, Tensor]]:
-        """For each grid, the derivatives (parameters,h,w) and a factor (h,w) still to be applied to them."""
+    def grids(self, objective: ImageObjective, rendered: Rendered) -> Iterator[tuple[Tensor | slice, Tensor]]:
+        """For each grid, the cells with derivatives, by their numbers (L,), and these derivatives (L,parameters)."""
 
     def _add_frame(self, objective: ImageObjective, frame: Frame, rendered: Rendered) -> None:
         misfit = frame.misfit(rendered.maps, rendered.probabilities)
@@ -120,14 +120,19 @@ class Jacobian(ABC):
 
     def moved(self, step: Tensor) -> Tensor:
         """The maps (N,6) after a step. A matrix acts about the attractor's mean."""
-        maps = self.maps.tolist()  # tensors are slow number by number, and slower still on a GPU
-        for value, (i, j, unit) in zip(step.tolist(), self.units, strict=True):
-            if j >= WEIGHT:
-                continue
-            maps[i][j] += value * unit
+        change = (step.cpu().double() @ self._shifts.flatten(1)).view(self.maps.shape)
+        return limited((self.maps.double() + change.to(self.maps.device)).to(self.maps), self.weights, self.largest)
+
+    @cached_property
+    def _shifts(self) -> Tensor:
+        """By how much each parameter moves the maps, (parameters,N,6) float64."""
+        shifts = torch.zeros(len(self.units), *self.maps.shape, dtype=torch.float64)
+        for shift, (i, j, unit) in zip(shifts.numpy(), self.units, strict=True):  # tensors are slow number by number
+            if j < WEIGHT:
+                shift[i, j] = unit
             if j < 4:
-                maps[i][4 + j // 2] -= value * unit * self.mean[j % 2]
-        return limited(self.maps.new_tensor(maps), self.weights, self.largest)
+                shift[i, 4 + j // 2] = -unit * self.mean[j % 2]
+        return shifts
 
     def nudged(self, parameter: int, step: float) -> Tensor:
         """The maps (N,6) after a step of one parameter."""
@@ -148,24 +153,26 @@ class FromPoints(Jacobian):
     """From one run of the chaos game with common random numbers and fixed probabilities. The grey level of a cell of
     mass m is I = 1 - exp(-kappa m), with kappa fitted to the rendering around the cell."""
 
-    def grids(self, objective: ImageObjective, rendered: Rendered) -> Iterator[tuple[Tensor, Tensor]]:
-        known = point_bins(self.points, self.side)
+    def grids(self, objective: ImageObjective, rendered: Rendered) -> Iterator[tuple[Tensor | slice, Tensor]]:
         greys, step = objective.grids(rendered.image), STEP_PX
+        entries = [k for k, (_, j, _) in enumerate(self.units) if j < WEIGHT]
+        nudged = (self.maps.double() + step * self._shifts[entries].to(self.maps.device)).to(self.maps)
+        moved = torch.cat([self.maps[None], limited(nudged, self.weights, self.largest)])
+        known, *_ = bins = orbit_bins(moved, rendered.probabilities, self.side, seed=self.seed, **self.game)
         smooth = self._smooth(greys[0]).clamp(max=1 - 0.5 / objective.subpixels)
         kappa = -(1 - smooth).log() / self._smooth(known).clamp_min(1e-12)
         kappa = torch.where(known > 0, kappa, 0)
-        slope = objective.levels.unlit(greys[0], smooth) * kappa
-        entries = [k for k, (_, j, _) in enumerate(self.units) if j < WEIGHT]
-        moved = torch.stack([self.nudged(k, step) for k in entries])
-        columns = orbit_bins(moved, rendered.probabilities, self.side, seed=self.seed, **self.game)
-        columns.sub_(known).div_(step).mul_(slope)
-        camera = [(objective.grids(self.rendering(objective, k, step))[0] - greys[0]) / step
+        slope = (objective.levels.unlit(greys[0], smooth) * kappa).flatten()
+        camera = [(objective.grids(self.rendering(objective, k, step))[0] - greys[0]).flatten() / step
                   for k in range(len(entries), len(self.units))]
-        columns = torch.cat([columns, *(column[None] for column in camera)])
+        cells = torch.arange(len(slope), device=slope.device) if camera else slope.nonzero().flatten()
+        masses = bins.flatten(1)[:, cells]
+        rows = torch.stack([*((masses[1:] - masses[0]) * (slope[cells] / step)), *camera], 1)
         for k, grey in enumerate(greys):
             if k:
-                columns = avg_pool2d(columns, 2, ceil_mode=True)
-            yield columns, objective.levels.stabilizing_slope(grey, objective.subpixels * 4**k)
+                cells, rows = halved(cells, rows, len(greys[k - 1]))
+            factor = objective.levels.stabilizing_slope(grey, objective.subpixels * 4**k)
+            yield cells, rows * factor.flatten()[cells, None]
 
     def _smooth(self, image: Tensor) -> Tensor:
         return avg_pool2d(image[None], WINDOW, 1, WINDOW // 2)[0]
@@ -175,7 +182,7 @@ class FromRenderings(Jacobian):
     """From renderings of the code with each parameter moved both ways. This is several times slower than `FromPoints`,
     but also correct where an image ends at the edge of a pixel, which bins cannot show."""
 
-    def grids(self, objective: ImageObjective, rendered: Rendered) -> Iterator[tuple[Tensor, Tensor]]:
+    def grids(self, objective: ImageObjective, rendered: Rendered) -> Iterator[tuple[Tensor | slice, Tensor]]:
         nudge = NUDGE_PX if objective.levels.is_graded else BINARY_NUDGE_PX
         columns = [grid.new_empty(len(self.units), *grid.shape) for grid in objective.stable]
         for k in range(len(self.units)):
@@ -183,7 +190,7 @@ class FromRenderings(Jacobian):
             for column, before, after in zip(columns, fro, to, strict=True):
                 column[k] = (after - before) / (self._back(objective.levels, k, nudge) + nudge)
         for column in columns:
-            yield column, torch.ones_like(column[0])
+            yield slice(None), column.flatten(1).T
 
     def _back(self, levels: Levels, parameter: int, nudge: float) -> float:
         """How far a step back really goes: a length of the camera does not become negative."""
@@ -191,3 +198,12 @@ class FromRenderings(Jacobian):
         if j != CAMERA or levels.values[k] not in LENGTHS:
             return nudge
         return min(nudge, getattr(levels.camera, levels.values[k]) / unit)
+
+
+def halved(cells: Tensor, rows: Tensor, side: int) -> tuple[Tensor, Tensor]:
+    """The means (K,P) of 2 × 2 cells, or of what there is of them at an edge, of a grid with `side` cells a side, of
+    which cells (L,) have the values (L,P), all others 0; with their numbers (K,) in a grid with half as many a side."""
+    row, column = cells // side, cells % side
+    parts = (side - row // 2 * 2).clamp_max(2) * (side - column // 2 * 2).clamp_max(2)
+    found, index = (row // 2 * ((side + 1) // 2) + column // 2).unique(return_inverse=True)
+    return found, rows.new_zeros(len(found), rows.shape[1]).index_add_(0, index, rows / parts[:, None])

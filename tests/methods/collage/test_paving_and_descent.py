@@ -10,15 +10,17 @@ from fractal_exp.cameras.camera import Camera
 from fractal_exp.cameras.kinds import with_camera
 from fractal_exp.cameras.params import CameraParams
 from fractal_exp.cameras.pens import Dots
-from fractal_exp.cameras.points import counted
+from fractal_exp.cameras.points import attractor_points, counted
 from fractal_exp.evaluation.inside import ssim_inside
 from fractal_exp.ifs import affine
 from fractal_exp.ifs.canvas import canvas_to_pixel
 from fractal_exp.images.known import Known
+from fractal_exp.methods.collage.growth.adjoint import Adjoint
 from fractal_exp.methods.collage.growth.descent import descended
 from fractal_exp.methods.collage.growth.exposed import Exposed
 from fractal_exp.methods.collage.growth.inside import InsideSsim
 from fractal_exp.methods.collage.growth.paving import paving
+from fractal_exp.ops.collage import pushforward
 from fractal_exp.runtime.deadline import Deadline
 from fractal_exp.runtime.seeds import generator
 
@@ -101,6 +103,46 @@ def test_maps_of_a_tone_curve_are_grown_through_it():
 def test_a_known_gain_fixes_the_mass_of_grown_maps():
     some = stage(clouds(), camera={"gain": 0.5}).grower
     assert some.target.mass == 0.5 * 96**2 and some.grown(8).camera.gain == 0.5
+
+
+def test_the_adjoint_gives_the_gradient_of_the_invariant_measure():
+    """Of a smooth function's mean, by each number of the maps: beside that by differences of chaos games."""
+    side, weights = 64, torch.tensor([0.3, 0.3, 0.2, 0.2])
+    maps = torch.tensor([[0.5, 0.1, -0.1, 0.5, x, y] for x in (-0.4, 0.4) for y in (-0.4, 0.4)])   # of a square
+    y, x = torch.meshgrid(*2 * [(torch.arange(side) + 0.5) / side * 2 - 1], indexing="ij")
+    cost = torch.sin(2 * x) + torch.cos(2 * y)
+
+    def mean(maps):
+        x, y = attractor_points(maps, weights, 400_000, 1).double().unbind(1)
+        return float((torch.sin(2 * x) + torch.cos(2 * y)).mean())
+
+    adjoint, points = Adjoint(side), attractor_points(maps, weights, 20_000, 2)
+    shares = torch.full((len(points), 1), 1 / len(points))
+    for _ in range(100):
+        moved, samples = maps.clone().requires_grad_(), torch.cat([points, shares], 1).requires_grad_()
+        with torch.enable_grad():
+            drawn = pushforward(moved[None], weights[None], samples, side)[0]
+        drawn.backward(cost + adjoint.echo())
+        adjoint.learn(points, samples.grad[:, 2])
+    steps = 0.01 * torch.eye(24).view(24, 4, 6)
+    true = torch.tensor([(mean(maps + step) - mean(maps - step)) / 0.02 for step in steps])
+    still = torch.autograd.grad((pushforward(maps.requires_grad_()[None], weights[None], samples.detach(), side)[0]
+                                 * cost).sum(), maps)[0].flatten()
+    error, without = ((each - true).norm() / true.norm() for each in (moved.grad.flatten(), still))
+    assert error < 0.13 < 0.4 < without
+
+
+def test_a_descent_follows_the_measure_that_its_maps_make(monkeypatch):
+    """The drawing of few maps is nearer to the picture than where their own measure counts as one that stands still."""
+    seen, start = target_of(clouds()), paving(target_of(clouds()), 6)
+
+    def error():
+        shown = 1 - (-drawing(descended(start, seen, 300, 3), 96)).exp()
+        return float((shown - clouds()).square().mean())
+
+    followed = error()
+    monkeypatch.setattr(Adjoint, "echo", lambda self: torch.zeros(self.side, self.side))
+    assert followed < 0.9 * error()
 
 
 def test_a_descent_repeats_bit_for_bit():

@@ -20,7 +20,9 @@ from fractal_exp.methods.collage.growth.descent import descended
 from fractal_exp.methods.collage.growth.exposed import Exposed
 from fractal_exp.methods.collage.growth.inside import InsideSsim
 from fractal_exp.methods.collage.growth.paving import paving
+from fractal_exp.methods.collage.growth.turns import closer, turned
 from fractal_exp.ops.collage import pushforward
+from fractal_exp.ops.filters import filtered
 from fractal_exp.runtime.deadline import Deadline
 from fractal_exp.runtime.seeds import generator
 
@@ -143,6 +145,45 @@ def test_a_descent_follows_the_measure_that_its_maps_make(monkeypatch):
     followed = error()
     monkeypatch.setattr(Adjoint, "echo", lambda self: torch.zeros(self.side, self.side))
     assert followed < 0.9 * error()
+
+
+def test_a_turned_copy_has_the_covariance_that_it_had():
+    points = torch.randn(500, 2, generator=generator(1)) @ torch.tensor([[0.5, 0.2], [0, 0.1]])
+    points = points - points.mean(0)
+    linear = torch.tensor([[0.3, 0.1, -0.2, 0.2]]).repeat(20, 1)
+    images, others = (points @ each.unflatten(1, (2, 2)).mT for each in (linear, turned(linear, points, generator(2))))
+    torch.testing.assert_close(others.mT @ others, images.mT @ images, rtol=1e-3, atol=1e-4)
+    assert len({round(float(each), 3) for each in others[:, 0, 0]}) > 10
+
+
+@pytest.mark.parametrize("at", [(0.3, -0.2), (-0.97, 0.9)], ids=["inside", "at the edge"])
+def test_a_copy_is_turned_if_the_collage_is_closer_then_and_no_wide_copy_is(at):
+    g, blur, mass = generator(1), (0.25, 0.5, 0.25), torch.tensor([20.0, 30.0])
+    wedge = torch.rand(2000, 2, generator=g) ** torch.tensor([1.0, 3.0])
+    samples = torch.cat([wedge - wedge.mean(0), torch.full((2000, 1), 1 / 2000)], 1)
+    right = torch.tensor([[0.2, 0, 0, 0.2, *at], [0.1, 0, 0, 0.3, 0.3, -0.1]])
+    wrong = torch.cat([right[:, :4] * torch.tensor([[-1.0], [1.0]]), right[:, 4:]], 1)
+
+    def drawn(maps):
+        return filtered(pushforward(maps[None], mass[None], samples, 160)[0], blur)
+
+    seen = Exposed(1 - (-drawn(right)).exp())
+    assert closer(right, wrong, mass, samples, drawn(wrong), seen, blur).tolist() == [True, False]
+    assert closer(wrong, right, mass, samples, drawn(right), seen, blur).tolist() == [False, False]
+    wide = torch.cat([8 * right[:, :4], right[:, 4:]], 1)
+    assert not closer(right, wide, mass, samples, drawn(wide), seen, blur)[0]
+
+
+def test_a_descent_with_turns_comes_closer(monkeypatch):
+    seen, start = target_of(clouds()), paving(target_of(clouds()), 12)
+
+    def error():
+        shown = 1 - (-drawing(descended(start, seen, 300, 3), 96)).exp()
+        return float((shown - clouds()).square().mean())
+
+    with_turns = error()
+    monkeypatch.setattr("fractal_exp.methods.collage.growth.descent.TURNED_UNTIL", 0)
+    assert with_turns < 0.95 * error()
 
 
 def test_a_descent_repeats_bit_for_bit():

@@ -25,16 +25,19 @@ from .adjoint import Adjoint
 from .exposed import Exposed
 from .inside import InsideSsim
 from .paving import LARGEST
+from .turns import closer, turned
 
 SAMPLES = 1200          # of the measure that every map moves in a step
-MATRIX_RATE = 0.004     # of matrix entries at the first step, for Adam
-OFFSET_RATE = 0.0024    # of where the measure's mean goes, canvas units
-MASS_RATE = 0.02      # of the logarithms of the weights
+MATRIX_RATE = 0.006     # of matrix entries at the first step, for Adam
+OFFSET_RATE = 0.0036    # of where the measure's mean goes, canvas units
+MASS_RATE = 0.03        # of the logarithms of the weights
 RATES_LEFT = 0.1        # share of the rates that is left at the last step
 MEMORY = 0.75           # of the drawing that is compared, a moving average over steps: less noise, but it lags behind
 OWN_FROM = 0.1          # share of the steps after which maps move points of their own measure
+TURN_STEPS, TURNED_UNTIL = 5, 0.5   # from one try to turn every copy to the next, and share of the steps with tries
 OWN_POINTS, OWN_STEPS = 200_000, 10   # how many of them, and for how many steps they are used
-SIMILARITY = 0.1        # weight of SSIM inside the shape beside the squared error, each summed over pixels
+SIMILARITY = 0.05       # weight of SSIM inside the shape beside the squared error, each summed over pixels
+SIMILARITY_STEPS = 2    # for which a slope of SSIM is used, since it takes as long as the rest of a step
 BLUR, BLUR_PX = (0.25, 0.5, 0.25), 0.7   # of the drawing along both axes, and the Gaussian that is like it
 LEAST_WEIGHT = 1e-6     # of a map
 TOLD = 10               # steps from one set that is told to the next
@@ -55,7 +58,7 @@ def descended(start: WeightedMaps, target: Exposed, steps: int, seed: int, deadl
     groups = [{"params": [each], "lr": rate} for rate, each in moving.items()]
     adam = torch.optim.Adam(groups, MATRIX_RATE, (BETA_1, BETA_2), EPSILON)
     mass, similarity = target.mass or float(target.masses.sum()), InsideSsim(target.grey, target.shows)
-    shares, average = torch.full((SAMPLES, 1), 1 / SAMPLES), None
+    shares, towards, average = torch.full((SAMPLES, 1), 1 / SAMPLES), torch.zeros(side, side), None
     own, adjoint, begun = torch.empty(0, 2), Adjoint(side), deadline.used
     for k in range(steps):
         if deadline.passed:
@@ -78,13 +81,21 @@ def descended(start: WeightedMaps, target: Exposed, steps: int, seed: int, deadl
             drawing = filtered(drawn, BLUR)
             average = drawing if average is None else average.lerp(drawing, max(1 - MEMORY, 1 / (k + 1)))
             shown = target.curve.grey(average) * target.shows
-            slope = 2 * (shown - target.grey) - SIMILARITY * similarity.slope(shown)
+            if k % SIMILARITY_STEPS == 0:
+                towards = SIMILARITY * similarity.slope(shown)
+            slope = 2 * (shown - target.grey) - towards
             slope = filtered(slope * target.curve.slope(average) * target.shows, BLUR)
             slope += adjoint.echo()
         adam.zero_grad()
         drawn.backward(slope)
         if samples.grad is not None:
             adjoint.learn(points, samples.grad[:, 2] / (mass * float(weights.detach().sum())))
+        if k and k % TURN_STEPS == 0 and done < TURNED_UNTIL:
+            maps, known = torch.cat([linear, centre], 1).detach(), samples.detach()
+            tried = contract(torch.cat([turned(maps[:, :4], known[:, :2], g), maps[:, 4:]], 1), LARGEST)
+            better = closer(tried, maps, mass * weights.detach(), known, drawing, target, BLUR)
+            for each, new in ((linear, tried[:, :4]), (linear.grad, 0), (adam.state[linear]["exp_avg"], 0)):
+                each.data[better] = new[better] if each is linear else new
         for group, rate in zip(adam.param_groups, moving, strict=True):
             group["lr"] = rate * RATES_LEFT**done
         adam.step()

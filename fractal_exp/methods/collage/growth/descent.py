@@ -94,8 +94,7 @@ def descended(start: WeightedMaps, target: Exposed, steps: int, seed: int, deadl
             maps, known = torch.cat([linear, centre], 1).detach(), samples.detach()
             tried = contract(torch.cat([turned(maps[:, :4], known[:, :2], g), maps[:, 4:]], 1), LARGEST)
             better = closer(tried, maps, mass * weights.detach(), known, drawing, target, BLUR)
-            for each, new in ((linear, tried[:, :4]), (linear.grad, 0), (adam.state[linear]["exp_avg"], 0)):
-                each.data[better] = new[better] if each is linear else new
+            linear.data[better], adam.state[linear]["exp_avg"][better] = tried[better, :4], 0
         for group, rate in zip(adam.param_groups, moving, strict=True):
             group["lr"] = rate * RATES_LEFT**done
         adam.step()

@@ -28,9 +28,9 @@ from .paving import LARGEST
 from .turns import closer, turned
 
 SAMPLES = 1200          # of the measure that every map moves in a step
-MATRIX_RATE = 0.006     # of matrix entries at the first step, for Adam
-OFFSET_RATE = 0.0036    # of where the measure's mean goes, canvas units
-MASS_RATE = 0.03        # of the logarithms of the weights
+MATRIX_RATE = 0.004     # of matrix entries at the first step, for Adam
+OFFSET_RATE = 0.0024    # of where the measure's mean goes, canvas units
+MASS_RATE = 0.02        # of the logarithms of the weights
 RATES_LEFT = 0.1        # share of the rates that is left at the last step
 MEMORY = 0.75           # of the drawing that is compared, a moving average over steps: less noise, but it lags behind
 OWN_FROM = 0.1          # share of the steps after which maps move points of their own measure

@@ -91,6 +91,15 @@ def test_maps_of_a_known_exposure_keep_its_mass_and_others_find_one():
             assert mass == known.mass
 
 
+def test_the_mass_of_a_white_shape_does_not_run_away(monkeypatch):
+    seen = Exposed(torch.nn.functional.pad(torch.ones(48, 48), (8, 8, 8, 8)))
+    whole = float(seen.masses.sum())
+    _, free = descended(paving(seen, 8), seen, 150, 0)
+    monkeypatch.setattr("fractal_exp.methods.collage.growth.descent.MOST_MASS", 1.25)
+    _, held = descended(paving(seen, 8), seen, 150, 0)
+    assert held < 1.26 * whole < free
+
+
 def test_maps_of_a_tone_curve_are_grown_through_it():
     """The same masses, seen through a gamma of 3: growth reads them, and draws what is seen."""
     curved = clouds() ** (1 / 3)

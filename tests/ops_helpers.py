@@ -48,15 +48,16 @@ def check_pushforward(backend: str, device: str = "cpu", **problem: int) -> None
 
 
 def check_pushforward_gradients(backend: str, **problem: int) -> None:
-    """By maps and weights, beside those of the twin; an absent map has none."""
+    """By maps, weights and samples, beside those of the twin; an absent map has none."""
     measure, maps, weights = tiling_problem(**problem)
     slope = torch.randn(len(maps), measure.size, measure.size, generator=torch.Generator().manual_seed(1))
     found = []
     for each in (backend, "torch"):
-        given = maps.clone().requires_grad_(), weights.clone().requires_grad_()
-        bins = pushforward(*given, measure.samples, measure.size, backend=each)
-        found.append(torch.autograd.grad((bins * slope).sum(), given))
+        given = [tensor.clone().requires_grad_() for tensor in (maps, weights, measure.samples)]
+        bins = pushforward(*given, measure.size, backend=each)
+        found.append([*torch.autograd.grad((bins * slope).sum(), given)])
     present = weights > 0
+    torch.testing.assert_close(found[0].pop(), found[1].pop(), atol=1e-5, rtol=1e-4)
     for ours, twin in zip(*found, strict=True):
         torch.testing.assert_close(ours[present], twin[present], atol=1e-5, rtol=1e-4)
         assert not bool(ours[~present].any()), "an absent map has a gradient"

@@ -93,8 +93,9 @@ def pushforward(maps: Tensor, weights: Tensor, samples: Tensor, size: int, *, ba
 
     A map is a row a b c d e f, (x, y) -> (a x + b y + e, c x + d y + f); a map without a positive weight is absent.
     Mass off the canvas counts in its edge cells. Numbers that are not finite spoil only their own code. Differentiable
-    by maps and weights; on a GPU, the torch backend computes what needs gradients. Raises `InputError` on other shapes,
-    tensors that differ in dtype or device, a size outside 2 … 32768, or one that takes more memory than there is.
+    by maps, weights and the samples' masses; on a GPU, the torch backend computes what needs gradients. Raises
+    `InputError` on other shapes, tensors that differ in dtype or device, a size outside 2 … 32768, or one that takes
+    more memory than there is.
     """
     _check(maps, weights)
     check_tensor("samples", samples)
@@ -102,7 +103,8 @@ def pushforward(maps: Tensor, weights: Tensor, samples: Tensor, size: int, *, ba
     _check_samples(samples)
     _check_size(size)
     check_memory(f"{len(maps)} grids of {size}² cells", 4 * len(maps) * size**2, maps.device, "lower the size")
-    if maps.is_cuda and backend == "auto" and torch.is_grad_enabled() and (maps.requires_grad or weights.requires_grad):
+    is_followed = torch.is_grad_enabled() and any(each.requires_grad for each in (maps, weights, samples))
+    if maps.is_cuda and backend == "auto" and is_followed:
         backend = "torch"
     return _backend(backend, maps).pushforward(maps, weights, samples, int(size))
 

@@ -31,7 +31,7 @@ def pushforward(maps: Tensor, weights: Tensor, samples: Tensor, size: int) -> Te
 
 
 class _Pushforward(torch.autograd.Function):
-    """`pushforward` with gradients by maps and weights."""
+    """`pushforward` with gradients by maps, weights and the samples' masses."""
 
     @staticmethod
     def forward(ctx: Any, maps: Tensor, weights: Tensor, samples: Tensor, size: int) -> Tensor:
@@ -41,11 +41,13 @@ class _Pushforward(torch.autograd.Function):
         return bins.view(-1, size, size)
 
     @staticmethod
-    def backward(ctx: Any, slope: Tensor) -> tuple[Tensor, Tensor, None, None]:
+    def backward(ctx: Any, slope: Tensor) -> tuple[Tensor, Tensor, Tensor | None, None]:
         maps, weights, samples = ctx.saved_tensors
         gradient = torch.zeros(*weights.shape, 7)
-        _pull_all(*_arrays(maps, weights, samples.T), slope.shape[-1], *_arrays(slope.flatten(1), gradient))
-        return gradient[..., :6], gradient[..., 6], None, None
+        by_mass = torch.zeros(len(maps), len(samples) if ctx.needs_input_grad[2] else 0)
+        _pull_all(*_arrays(maps, weights, samples.T), slope.shape[-1], *_arrays(slope.flatten(1), gradient, by_mass))
+        by_sample = torch.nn.functional.pad(by_mass.sum(0)[:, None], (2, 0)) if ctx.needs_input_grad[2] else None
+        return gradient[..., :6], gradient[..., 6], by_sample, None
 
 
 def descend(maps: Tensor, weights: Tensor, target: Target, backgrounds: Tensor, chosen: Tensor, how: Descent
@@ -188,9 +190,21 @@ def _pull(weight, samples, corner, right, down, size, slope, gradient):
     gradient[4], gradient[5], gradient[6] = ge * scale, gf * scale, gw
 
 
+@vectorized
+def _look_up(weight, corner, right, down, size, slope, values):
+    """Add to `values` (K,) the slope at each located sample."""
+    for k in range(corner.shape[0]):
+        o = intp(corner[k])
+        upper, lower = slope[o], slope[o + size]
+        upper += (slope[o + 1] - upper) * right[k]
+        lower += (slope[o + size + 1] - lower) * right[k]
+        values[k] += weight * (upper + (lower - upper) * down[k])
+
+
 @kernel(parallel=True, fastmath=FUSED)
-def _pull_all(maps, weights, samples, size, slope, gradient):
-    """`_pull` of every map: gradients (B,N,7) from slopes (B,G²) by the bins."""
+def _pull_all(maps, weights, samples, size, slope, gradient, by_mass):
+    """`_pull` of every map: gradients (B,N,7) from slopes (B,G²) by the bins; and those by the samples' masses,
+    (B,K), or (B,0) if nobody wants them."""
     count = samples.shape[1]
     for b in prange(maps.shape[0]):
         corner, right, down = np.empty(count, np.int32), np.empty(count, np.float32), np.empty(count, np.float32)
@@ -198,6 +212,8 @@ def _pull_all(maps, weights, samples, size, slope, gradient):
             if weights[b, n] > 0:
                 _locate(maps[b, n], samples, size, corner, right, down)
                 _pull(weights[b, n], samples, corner, right, down, size, slope[b], gradient[b, n])
+                if by_mass.size:
+                    _look_up(weights[b, n], corner, right, down, size, slope[b], by_mass[b])
 
 
 @vectorized

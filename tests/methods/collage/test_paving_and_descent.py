@@ -10,15 +10,19 @@ from fractal_exp.cameras.camera import Camera
 from fractal_exp.cameras.kinds import with_camera
 from fractal_exp.cameras.params import CameraParams
 from fractal_exp.cameras.pens import Dots
-from fractal_exp.cameras.points import counted
+from fractal_exp.cameras.points import attractor_points, counted
 from fractal_exp.evaluation.inside import ssim_inside
 from fractal_exp.ifs import affine
 from fractal_exp.ifs.canvas import canvas_to_pixel
 from fractal_exp.images.known import Known
+from fractal_exp.methods.collage.growth.adjoint import Adjoint
 from fractal_exp.methods.collage.growth.descent import descended
 from fractal_exp.methods.collage.growth.exposed import Exposed
 from fractal_exp.methods.collage.growth.inside import InsideSsim
 from fractal_exp.methods.collage.growth.paving import paving
+from fractal_exp.methods.collage.growth.turns import closer, turned
+from fractal_exp.ops.collage import pushforward
+from fractal_exp.ops.filters import filtered
 from fractal_exp.runtime.deadline import Deadline
 from fractal_exp.runtime.seeds import generator
 
@@ -87,6 +91,15 @@ def test_maps_of_a_known_exposure_keep_its_mass_and_others_find_one():
             assert mass == known.mass
 
 
+def test_the_mass_of_a_white_shape_does_not_run_away(monkeypatch):
+    seen = Exposed(torch.nn.functional.pad(torch.ones(48, 48), (8, 8, 8, 8)))
+    whole = float(seen.masses.sum())
+    _, free = descended(paving(seen, 8), seen, 150, 0)
+    monkeypatch.setattr("fractal_exp.methods.collage.growth.descent.MOST_MASS", 1.25)
+    _, held = descended(paving(seen, 8), seen, 150, 0)
+    assert held < 1.26 * whole < free
+
+
 def test_maps_of_a_tone_curve_are_grown_through_it():
     """The same masses, seen through a gamma of 3: growth reads them, and draws what is seen."""
     curved = clouds() ** (1 / 3)
@@ -101,6 +114,85 @@ def test_maps_of_a_tone_curve_are_grown_through_it():
 def test_a_known_gain_fixes_the_mass_of_grown_maps():
     some = stage(clouds(), camera={"gain": 0.5}).grower
     assert some.target.mass == 0.5 * 96**2 and some.grown(8).camera.gain == 0.5
+
+
+def test_the_adjoint_gives_the_gradient_of_the_invariant_measure():
+    """Of a smooth function's mean, by each number of the maps: beside that by differences of chaos games."""
+    side, weights = 64, torch.tensor([0.3, 0.3, 0.2, 0.2])
+    maps = torch.tensor([[0.5, 0.1, -0.1, 0.5, x, y] for x in (-0.4, 0.4) for y in (-0.4, 0.4)])   # of a square
+    y, x = torch.meshgrid(*2 * [(torch.arange(side) + 0.5) / side * 2 - 1], indexing="ij")
+    cost = torch.sin(2 * x) + torch.cos(2 * y)
+
+    def mean(maps):
+        x, y = attractor_points(maps, weights, 400_000, 1).double().unbind(1)
+        return float((torch.sin(2 * x) + torch.cos(2 * y)).mean())
+
+    adjoint, points = Adjoint(side), attractor_points(maps, weights, 20_000, 2)
+    shares = torch.full((len(points), 1), 1 / len(points))
+    for _ in range(100):
+        moved, samples = maps.clone().requires_grad_(), torch.cat([points, shares], 1).requires_grad_()
+        with torch.enable_grad():
+            drawn = pushforward(moved[None], weights[None], samples, side)[0]
+        drawn.backward(cost + adjoint.echo())
+        adjoint.learn(points, samples.grad[:, 2])
+    steps = 0.01 * torch.eye(24).view(24, 4, 6)
+    true = torch.tensor([(mean(maps + step) - mean(maps - step)) / 0.02 for step in steps])
+    still = torch.autograd.grad((pushforward(maps.requires_grad_()[None], weights[None], samples.detach(), side)[0]
+                                 * cost).sum(), maps)[0].flatten()
+    error, without = ((each - true).norm() / true.norm() for each in (moved.grad.flatten(), still))
+    assert error < 0.13 < 0.4 < without
+
+
+def test_a_descent_follows_the_measure_that_its_maps_make(monkeypatch):
+    """The drawing of few maps is nearer to the picture than where their own measure counts as one that stands still."""
+    seen, start = target_of(clouds()), paving(target_of(clouds()), 6)
+
+    def error():
+        shown = 1 - (-drawing(descended(start, seen, 300, 3), 96)).exp()
+        return float((shown - clouds()).square().mean())
+
+    followed = error()
+    monkeypatch.setattr(Adjoint, "echo", lambda self: torch.zeros(self.side, self.side))
+    assert followed < 0.9 * error()
+
+
+def test_a_turned_copy_has_the_covariance_that_it_had():
+    points = torch.randn(500, 2, generator=generator(1)) @ torch.tensor([[0.5, 0.2], [0, 0.1]])
+    points = points - points.mean(0)
+    linear = torch.tensor([[0.3, 0.1, -0.2, 0.2]]).repeat(20, 1)
+    images, others = (points @ each.unflatten(1, (2, 2)).mT for each in (linear, turned(linear, points, generator(2))))
+    torch.testing.assert_close(others.mT @ others, images.mT @ images, rtol=1e-3, atol=1e-4)
+    assert len({round(float(each), 3) for each in others[:, 0, 0]}) > 10
+
+
+@pytest.mark.parametrize("at", [(0.3, -0.2), (-0.97, 0.9)], ids=["inside", "at the edge"])
+def test_a_copy_is_turned_if_the_collage_is_closer_then_and_no_wide_copy_is(at):
+    g, blur, mass = generator(1), (0.25, 0.5, 0.25), torch.tensor([20.0, 30.0])
+    wedge = torch.rand(2000, 2, generator=g) ** torch.tensor([1.0, 3.0])
+    samples = torch.cat([wedge - wedge.mean(0), torch.full((2000, 1), 1 / 2000)], 1)
+    right = torch.tensor([[0.2, 0, 0, 0.2, *at], [0.1, 0, 0, 0.3, 0.3, -0.1]])
+    wrong = torch.cat([right[:, :4] * torch.tensor([[-1.0], [1.0]]), right[:, 4:]], 1)
+
+    def drawn(maps):
+        return filtered(pushforward(maps[None], mass[None], samples, 160)[0], blur)
+
+    seen = Exposed(1 - (-drawn(right)).exp())
+    assert closer(right, wrong, mass, samples, drawn(wrong), seen, blur).tolist() == [True, False]
+    assert closer(wrong, right, mass, samples, drawn(right), seen, blur).tolist() == [False, False]
+    wide = torch.cat([8 * right[:, :4], right[:, 4:]], 1)
+    assert not closer(right, wide, mass, samples, drawn(wide), seen, blur)[0]
+
+
+def test_a_descent_with_turns_comes_closer(monkeypatch):
+    seen, start = target_of(clouds()), paving(target_of(clouds()), 12)
+
+    def error():
+        shown = 1 - (-drawing(descended(start, seen, 300, 3), 96)).exp()
+        return float((shown - clouds()).square().mean())
+
+    with_turns = error()
+    monkeypatch.setattr("fractal_exp.methods.collage.growth.descent.TURNED_UNTIL", 0)
+    assert with_turns < 0.95 * error()
 
 
 def test_a_descent_repeats_bit_for_bit():

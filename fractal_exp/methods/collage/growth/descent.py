@@ -1,12 +1,14 @@
 """All maps and their weights, moved together until the collage of a picture shows the picture.
 
 The collage theorem for measures (Barnsley and Elton 1988) says that maps whose images of a measure, mixed with their
-probabilities, are close to the measure have an invariant measure that is close too. In the last part of a descent, the
-maps move points of their own invariant measure instead of the picture's, which closes the gap that is left.
+probabilities, are close to the measure have an invariant measure that is close too. So maps move points of the
+picture's measure at first. Then they move points of their own invariant measure, whose drawing is the attractor itself,
+along the true gradient of its error (see `adjoint`).
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import torch
@@ -20,20 +22,25 @@ from ....ops.filters import filtered
 from ....runtime.deadline import NO_DEADLINE, Deadline
 from ....runtime.seeds import generator
 from ..state import WeightedMaps
+from .adjoint import Adjoint
 from .exposed import Exposed
 from .inside import InsideSsim
 from .paving import LARGEST
+from .turns import closer, turned
 
 SAMPLES = 1200          # of the measure that every map moves in a step
 MATRIX_RATE = 0.004     # of matrix entries at the first step, for Adam
 OFFSET_RATE = 0.0024    # of where the measure's mean goes, canvas units
-MASS_RATE = 0.02      # of the logarithms of the weights
+MASS_RATE = 0.02        # of the logarithms of the weights
 RATES_LEFT = 0.1        # share of the rates that is left at the last step
 MEMORY = 0.75           # of the drawing that is compared, a moving average over steps: less noise, but it lags behind
-OWN_FROM = 0.4          # share of the steps after which maps move points of their own measure
+OWN_FROM = 0.1          # share of the steps after which maps move points of their own measure
+TURN_STEPS, TURNED_UNTIL = 5, 0.5   # from one try to turn every copy to the next, and share of the steps with tries
 OWN_POINTS, OWN_STEPS = 200_000, 10   # how many of them, and for how many steps they are used
-SIMILARITY = 0.1        # weight of SSIM inside the shape beside the squared error, each summed over pixels
+SIMILARITY = 0.05       # weight of SSIM inside the shape beside the squared error, each summed over pixels
+SIMILARITY_STEPS = 2    # for which a slope of SSIM is used, since it takes as long as the rest of a step
 BLUR, BLUR_PX = (0.25, 0.5, 0.25), 0.7   # of the drawing along both axes, and the Gaussian that is like it
+MOST_MASS = 8.0         # of the drawing, in those of the picture: where white saturates, nothing else holds it
 LEAST_WEIGHT = 1e-6     # of a map
 TOLD = 10               # steps from one set that is told to the next
 
@@ -53,8 +60,8 @@ def descended(start: WeightedMaps, target: Exposed, steps: int, seed: int, deadl
     groups = [{"params": [each], "lr": rate} for rate, each in moving.items()]
     adam = torch.optim.Adam(groups, MATRIX_RATE, (BETA_1, BETA_2), EPSILON)
     mass, similarity = target.mass or float(target.masses.sum()), InsideSsim(target.grey, target.shows)
-    shares, average = torch.full((SAMPLES, 1), 1 / SAMPLES), None
-    own, begun = torch.empty(0, 2), deadline.used
+    shares, towards, average = torch.full((SAMPLES, 1), 1 / SAMPLES), torch.zeros(side, side), None
+    own, adjoint, begun = torch.empty(0, 2), Adjoint(side), deadline.used
     for k in range(steps):
         if deadline.passed:
             break
@@ -68,23 +75,34 @@ def descended(start: WeightedMaps, target: Exposed, steps: int, seed: int, deadl
                 own = attractor_points(_maps(linear, centre, mean), logs.detach().softmax(0), OWN_POINTS,
                                        int(torch.randint(2**31, (), generator=g)))
             points = own[torch.randint(len(own), (SAMPLES,), generator=g)]
+        samples = torch.cat([points - mean, shares], 1).requires_grad_(len(own) > 0)
         with torch.enable_grad():
             weights = _weights(logs, target.mass)
-            drawn = mass * pushforward(torch.cat([linear, centre], 1)[None], weights[None],
-                                       torch.cat([points - mean, shares], 1), side)[0]
+            drawn = mass * pushforward(torch.cat([linear, centre], 1)[None], weights[None], samples, side)[0]
         with torch.no_grad():
             drawing = filtered(drawn, BLUR)
             average = drawing if average is None else average.lerp(drawing, max(1 - MEMORY, 1 / (k + 1)))
             shown = target.curve.grey(average) * target.shows
-            slope = 2 * (shown - target.grey) - SIMILARITY * similarity.slope(shown)
+            if k % SIMILARITY_STEPS == 0:
+                towards = SIMILARITY * similarity.slope(shown)
+            slope = 2 * (shown - target.grey) - towards
             slope = filtered(slope * target.curve.slope(average) * target.shows, BLUR)
+            slope += adjoint.echo()
         adam.zero_grad()
         drawn.backward(slope)
+        if samples.grad is not None:
+            adjoint.learn(points, samples.grad[:, 2] / (mass * float(weights.detach().sum())))
+        if k and k % TURN_STEPS == 0 and done < TURNED_UNTIL:
+            maps, known = torch.cat([linear, centre], 1).detach(), samples.detach()
+            tried = contract(torch.cat([turned(maps[:, :4], known[:, :2], g), maps[:, 4:]], 1), LARGEST)
+            better = closer(tried, maps, mass * weights.detach(), known, drawing, target, BLUR)
+            linear.data[better], adam.state[linear]["exp_avg"][better] = tried[better, :4], 0
         for group, rate in zip(adam.param_groups, moving, strict=True):
             group["lr"] = rate * RATES_LEFT**done
         adam.step()
         with torch.no_grad():
             linear.copy_(contract(torch.cat([linear, centre], 1), LARGEST)[:, :4])
+            logs -= (logs.logsumexp(0) - math.log(MOST_MASS)).clamp_min(0)
     return _found(linear, centre, logs, mean, target.mass, mass)
 
 

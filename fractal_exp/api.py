@@ -40,10 +40,10 @@ def invert(image: str | Path | np.ndarray | Tensor | ReadImage, /, *, method: st
     image: a path, or an array or tensor that `fractal_exp.images.read_target` accepts. The shape is found, turned white
     on black, centred, padded, and resized to (resolution, resolution). The code is in the frame of that image: the
     shape's longer side spans [-0.75, 0.75]. The result's `placement` maps it back to the picture's pixels. A
-    `ReadImage` from `read_target` is used as it is. frame: "part" takes a shape that reaches a side of the picture
-    to go on beyond it; "keep" keeps the frame of a square picture, such as one from
-    `render`; fitting it again would resample its grey levels. A grey `suite.target` of this resolution stays as it is,
-    unless it was rounded to 8 bits. For a binary one take "keep".
+    `ReadImage` from `read_target` is used as it is. frame: "part" takes a shape that reaches a side of the picture to
+    go on beyond it; "keep" keeps the frame of a square picture, such as one from `render`; fitting it again would
+    resample its grey levels. A grey `suite.target` of this resolution stays as it is, unless it was rounded to 8 bits.
+    For a binary one take "keep".
     invert, threshold, clean, crop: see `read_target`. levels: what the grey levels mean, see
     `images.levels.TargetImage`; with "linear", an array or tensor may hold counts or densities of any scale. colour:
     give each map of the code found a colour and a blend, so that the code is drawn in the picture's colours (see

@@ -21,9 +21,10 @@ def add_reading(parser: argparse._ActionsContainer) -> None:
     parser.add_argument("--threshold", type=float, help="make every pixel black or white, at this level in (0,1)")
     parser.add_argument("--crop", type=int, nargs=4, metavar=("LEFT", "TOP", "RIGHT", "BOTTOM"),
                         help="read this part of the picture alone, in pixels from its upper left corner")
-    parser.add_argument("--frame", choices=FRAMES, default="fit", help="fit: around the shape; part: the same, "
-                                                                       "and the shape goes on beyond the sides that it "
-                                                                       "reaches; keep: that of a square picture")
+    parser.add_argument("--frame", choices=FRAMES, default="fit", help="fit (default): around the shape; part: the "
+                                                                       "same, and the shape goes on beyond the sides "
+                                                                       "that it reaches; keep: that of a square "
+                                                                       "picture")
     parser.add_argument("--levels", choices=LEVELS, default="auto", help="what the grey levels mean (default: as "
                                                                            "they look)")
     parser.add_argument("--as-it-is", action="store_true", help="ignore nothing beside the shape, and keep all levels")

@@ -113,5 +113,5 @@ def _overlap(images: Tensor, truth: Tensor) -> tuple[Tensor, Tensor, Tensor]:
 def check_pair(image: Tensor, truth: Tensor, axes: str = "B, H, W") -> None:
     """Raise `InputError` unless both, images or batches of images, have one shape of these axes."""
     if image.ndim != axes.count(",") + 1 or image.shape != truth.shape:
-        raise InputError(f"what is compared has one shape ({axes}), got {tuple(image.shape)} and {tuple(truth.shape)}; "
-                         "render both at one resolution")
+        raise InputError(f"both images must have one shape ({axes}), got {tuple(image.shape)} and "
+                         f"{tuple(truth.shape)}; bring both to one size")

@@ -128,7 +128,7 @@ class IFS:
         def from_json(data: Any) -> IFS: ...
 
     def to(self, device: torch.device | str) -> IFS:
-        """The same code on another device; the code itself if it lies there."""
+        """The same code on another device."""
         if self.linear.device == torch.device(device):
             return self
         p = None if self.probabilities is None else self.probabilities.to(device)

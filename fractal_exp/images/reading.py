@@ -203,8 +203,8 @@ def _square(shape: _Shape, frame: str, resolution: int, padding: float, notes: N
     cuts = CUT_IF_SAID if frame == "part" else CUT_IN_CROP if is_crop else CUT
     found = window(shape.grey, shape.profile, shape.level, padding, notes, rings=shape.rings, cuts=cuts)
     if frame == "part" and not found[-1]:
-        raise InputError(f'frame="part" needs a shape that reaches a side of the picture and is not a narrow strip, '
-                         f'that of {name} does not; leave frame="part" out')
+        raise InputError(f'frame="part" needs a shape that reaches a side and is wider than an eighth of the canvas; '
+                         f'{name} shows none: leave frame="part" out')
     return found
 
 

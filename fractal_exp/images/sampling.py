@@ -53,8 +53,8 @@ def window(grey: Bands, profile: Profile, level: float, padding: float, notes: l
         notes.append(f"the picture cuts the shape off ({', '.join(cut)}): what lies beyond is unknown, and the code "
                      "says how the shape goes on there")
     elif touched:
-        notes.append(f"the shape reaches the edge of what is read ({', '.join(touched)}): it is taken to end there; if "
-                     "it goes on beyond, say frame=part")
+        notes.append(f"the shape reaches the edge of what is read ({', '.join(touched)}): it is taken to end there"
+                     + ("; frame=part says that it goes on" if is_wide else ""))
     return (x0 + x1 - side) / 2, (y0 + y1 - side) / 2, side, cut
 
 

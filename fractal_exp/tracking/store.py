@@ -61,7 +61,8 @@ def kept_runs(folder: str | Path) -> str:
     if database is None:
         _check_server(uri, FIRST_PATIENCE)
     elif not database.exists():
-        raise InputError(f"no runs are kept in {database.parent}; name the output folder of the fits (--output)")
+        raise InputError(f"no runs are kept in {database.parent}; fit something first, or name the output folder "
+                         "of the fits")
     else:
         check(database, uri)
     return uri

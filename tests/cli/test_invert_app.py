@@ -155,7 +155,7 @@ def test_what_may_help_is_a_command_to_type(folder, method, capsys, monkeypatch,
     (["gasket.png", "--secnds", "9"], "unrecognized arguments: --secnds 9; did you mean '--seconds'?"),
     (["gasket.png", "moves.root=0"], "unrecognized arguments: moves.root=0; write --set moves.root=0"),
     (["gasket.png", "--crop", "0", "0", "169", "90"], r"crop must lie within \(0, 0, 168, 158\), the whole picture"),
-    (["gasket.png", "--frame", "part"], "frame=\"part\" needs a shape that reaches a side of the picture"),
+    (["gasket.png", "--frame", "part"], "frame=\"part\" needs a shape that reaches a side"),
     (["gasket.png", "--seconds", "0"], "seconds must be above 0"),
     (["film.mp4"], "film.mp4 is a video; save one of its frames"),
 ])

@@ -66,5 +66,5 @@ def test_a_disc_has_no_dark_inside():
 
 @pytest.mark.parametrize("measure", [ssim_inside, f1_dark])
 def test_images_of_other_shapes_are_refused(measure):
-    with pytest.raises(InputError, match=r"got \(64, 64\) and \(128, 128\); render both at one resolution"):
+    with pytest.raises(InputError, match=r"got \(64, 64\) and \(128, 128\); bring both to one size"):
         measure(disc(64), disc())

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import argparse
 from dataclasses import replace
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -10,14 +12,17 @@ import torch
 from PIL import Image, ImageDraw
 
 from fractal_exp import InputError, codes
+from fractal_exp.cli import reading
 from fractal_exp.ifs import attractor
 from fractal_exp.ifs.code import View
+from fractal_exp.images.checks import Frame
 from fractal_exp.images.known import Known
 from fractal_exp.images.levels import TargetImage
 from fractal_exp.images.reading import ReadImage, read_target
 from fractal_exp.inversion import Inversion
 from fractal_exp.likeness import Likeness, camera_for
 from fractal_exp.rendering.still import render
+from fractal_exp.targets import Picture
 from fractal_exp.verdict import Verdict
 
 FERN = attractor.normalize(codes.known("fern"))
@@ -88,9 +93,28 @@ def test_a_close_view_of_thin_lines_is_a_part_if_that_is_said():
     assert known is not None and known.right < 1.0 and (known.left, known.bottom, known.top) == (-1.0, -1.0, 1.0)
 
 
+def test_every_way_to_read_a_picture_can_say_so(fern, tmp_path):
+    assert reading.FRAMES == get_args(Frame)
+    trimmed = fern[np.ix_(*((fern > 100).any(axis) for axis in (1, 0)))]
+    Image.fromarray(trimmed).save(tmp_path / "fern.png")
+    known = read_target(trimmed, SIDE, frame="part").known
+    assert known is not None
+    command = argparse.ArgumentParser()
+    reading.add_reading(command)
+    options = command.parse_args(["--frame", "part"])
+    options.resolution = SIDE
+    assert reading.read_picture(str(tmp_path / "fern.png"), options).known == known
+    assert Picture(str(tmp_path / "fern.png"), frame="part").load(SIDE).read.known == known
+
+
 def test_what_lies_within_its_picture_is_no_part(fern):
     with pytest.raises(InputError, match='frame="part" needs a shape that reaches a side.*leave frame="part" out'):
         read_target(fern, SIDE, frame="part")
+    strip = np.zeros((400, 20), np.uint8)
+    strip[20:380, :14] = 255
+    assert not any("frame=part" in note for note in read_target(strip, SIDE).notes)
+    with pytest.raises(InputError, match="wider than an eighth of the canvas"):
+        read_target(strip, SIDE, frame="part")
 
 
 def test_what_is_known_is_kept_with_other_levels():

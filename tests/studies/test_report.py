@@ -173,7 +173,7 @@ def test_the_command_writes_all_files_and_finds_other_sweeps(output, tmp_path, c
 @pytest.mark.parametrize(("words", "message"), [
     (["nothing"], "has no study 'nothing'"),
     (["study", "--sweep", "smoke-3"], "the study 'study' has no sweep 'smoke-3', and only sweeps have a table"),
-    (["study", "--output", "/nowhere"], "no runs are kept in /nowhere; name the output folder"),
+    (["study", "--output", "/nowhere"], "no runs are kept in /nowhere; fit something first"),
 ])
 def test_what_is_not_there_is_said(output, words, message):
     assert message in refusal(app, "--output", output, *words)

@@ -267,7 +267,7 @@ def test_runs_frame(uri, tmp_path, monkeypatch):
 def test_dashboard_command(uri, tmp_path, monkeypatch, capsys):
     folder = store.database_path(uri).parent
     assert uri in tracking.dashboard_command(folder, port=1)
-    with pytest.raises(InputError, match=f"no runs are kept in {tmp_path}; name the output folder"):
+    with pytest.raises(InputError, match=f"no runs are kept in {tmp_path}; fit something first"):
         tracking.dashboard_command(tmp_path)
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))

@@ -93,9 +93,9 @@ def pushforward(maps: Tensor, weights: Tensor, samples: Tensor, size: int, *, ba
 
     A map is a row a b c d e f, (x, y) -> (a x + b y + e, c x + d y + f); a map without a positive weight is absent.
     Mass off the canvas counts in its edge cells. Numbers that are not finite spoil only their own code. Differentiable
-    by maps, weights and the samples' masses; on a GPU, the torch backend computes what needs gradients. Raises
-    `InputError` on other shapes, tensors that differ in dtype or device, a size outside 2 … 32768, or one that takes
-    more memory than there is.
+    by maps, weights and the samples' masses, whose places have the gradient 0; on a GPU, the torch backend computes
+    what needs gradients. Raises `InputError` on other shapes, tensors that differ in dtype or device, a size outside 2
+    … 32768, or one that takes more memory than there is.
     """
     _check(maps, weights)
     check_tensor("samples", samples)
@@ -127,6 +127,8 @@ def orbit_bins(maps: Tensor, probabilities: Tensor, size: int, *, trajectories: 
     _check_size(size)
     check_memory(f"{len(maps)} grids of {size}² cells", 4 * len(maps) * size**2, maps.device, "lower the size")
     if backends.choose(backend, maps) == "cpu":
+        check_memory("the maps that all trajectories take", 2 * trajectories * length, maps.device,
+                     "lower trajectories or length")
         thresholds = cumulative_thresholds(probabilities, (), maps.shape[1], maps.device)[0]
         return _backend("cpu", maps).orbit_bins(maps, thresholds, seed, size, trajectories, length, warmup)
     identity, bins = maps.new_tensor([[[1.0, 0, 0, 1, 0, 0]]]), []

@@ -204,7 +204,7 @@ def _look_up(weight, corner, right, down, size, slope, values):
 @kernel(parallel=True, fastmath=FUSED)
 def _pull_all(maps, weights, samples, size, slope, gradient, by_mass):
     """`_pull` of every map: gradients (B,N,7) from slopes (B,G²) by the bins; and those by the samples' masses,
-    (B,K), or (B,0) if nobody wants them."""
+    (B,K), or (B,0) if they are not wanted."""
     count = samples.shape[1]
     for b in prange(maps.shape[0]):
         corner, right, down = np.empty(count, np.int32), np.empty(count, np.float32), np.empty(count, np.float32)

@@ -84,7 +84,7 @@ class Target(NamedTuple):
 def pushforward(maps: Tensor, weights: Tensor, samples: Tensor, size: int) -> Tensor:
     """sum_i w_i f_i#mu in bilinear bins: maps (B,N,6), weights (B,N), samples (K,3) of x, y, mass -> (B,G,G)."""
     corners, shares = _bins(maps, samples.detach(), size)
-    mass = (weights[..., None] * samples[:, 2])[..., None] * shares  # (B,N,K,4)
+    mass = (weights.clamp_min(0)[..., None] * samples[:, 2])[..., None] * shares  # (B,N,K,4)
     bins = torch.zeros(len(maps), size * size, dtype=maps.dtype, device=maps.device)
     return bins.scatter_add(1, corners.flatten(1), mass.flatten(1)).view(-1, size, size)
 

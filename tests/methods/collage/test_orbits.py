@@ -44,6 +44,8 @@ def test_orbits_of_other_shapes_are_refused():
         orbit_bins(batch, probabilities[:2], 32, trajectories=2, length=40, warmup=30, seed=0)
     with pytest.raises(InputError, match="maps"):
         orbit_bins(batch[0], probabilities, 32, trajectories=2, length=40, warmup=30, seed=0)
+    with pytest.raises(InputError, match="lower trajectories or length"):
+        orbit_bins(batch, probabilities, 32, trajectories=2**24, length=100_000, warmup=30, seed=0)
 
 
 class Counted(Density):
@@ -109,3 +111,10 @@ def test_the_end_of_a_hopeless_search_is_not_polished_on_several_renderings_and_
     found = search.finish(start)
     assert search.objective.is_hopeless(found.error) and found.error <= start.error
     assert not any(once for _, once in drawn)
+
+
+@pytest.mark.parametrize("backend", ["cpu", "torch"])
+def test_a_map_without_a_positive_weight_is_absent(backend):
+    maps, samples = torch.randn(1, 2, 6) * 0.3, torch.rand(50, 3)
+    alone = pushforward(maps[:, :1], torch.ones(1, 1), samples, 16, backend=backend)
+    assert torch.equal(pushforward(maps, torch.tensor([[1.0, -1.0]]), samples, 16, backend=backend), alone)

@@ -2,7 +2,7 @@
 
 The collage theorem for measures (Barnsley and Elton 1988) says that maps whose images of a measure, mixed with their
 probabilities, are close to the measure have an invariant measure that is close too. So maps move points of the
-picture's measure at first. Then they move points of their own invariant measure, whose drawing is the attractor itself,
+picture's measure at first. Then they move points of their own invariant measure, whose collage is the attractor itself,
 along the true gradient of its error (see `adjoint`).
 """
 
@@ -97,6 +97,8 @@ def descended(start: WeightedMaps, target: Exposed, steps: int, seed: int, deadl
             tried = contract(torch.cat([turned(maps[:, :4], known[:, :2], g), maps[:, 4:]], 1), LARGEST)
             better = closer(tried, maps, mass * weights.detach(), known, drawing, target, BLUR)
             linear.data[better], adam.state[linear]["exp_avg"][better] = tried[better, :4], 0
+            assert linear.grad is not None
+            linear.grad[better] = 0  # it is of the copies before
         for group, rate in zip(adam.param_groups, moving, strict=True):
             group["lr"] = rate * RATES_LEFT**done
         adam.step()

@@ -17,7 +17,7 @@ from fractal_exp.ifs.canvas import canvas_to_pixel
 from fractal_exp.images.known import Known
 from fractal_exp.methods.collage.growth.adjoint import Adjoint
 from fractal_exp.methods.collage.growth.descent import descended
-from fractal_exp.methods.collage.growth.exposed import Exposed
+from fractal_exp.methods.collage.growth.exposed import WHITEST, Exposed
 from fractal_exp.methods.collage.growth.inside import InsideSsim
 from fractal_exp.methods.collage.growth.paving import paving
 from fractal_exp.methods.collage.growth.turns import closer, turned
@@ -93,11 +93,12 @@ def test_maps_of_a_known_exposure_keep_its_mass_and_others_find_one():
 
 def test_the_mass_of_a_white_shape_does_not_run_away(monkeypatch):
     seen = Exposed(torch.nn.functional.pad(torch.ones(48, 48), (8, 8, 8, 8)))
-    whole = float(seen.masses.sum())
-    _, free = descended(paving(seen, 8), seen, 150, 0)
-    monkeypatch.setattr("fractal_exp.methods.collage.growth.descent.MOST_MASS", 1.25)
-    _, held = descended(paving(seen, 8), seen, 150, 0)
-    assert held < 1.26 * whole < free
+    assert float(seen.slope(torch.tensor(50.0))) == pytest.approx(1 - WHITEST, rel=1e-3)
+    start = paving(seen, 8)
+    _, held = descended(start, seen, 300, 0)
+    monkeypatch.setattr(Exposed, "slope", lambda seen, masses: seen.curve.slope(masses))
+    _, free = descended(start, seen, 300, 0)
+    assert held < 0.8 * free
 
 
 def test_maps_of_a_tone_curve_are_grown_through_it():

@@ -8,7 +8,6 @@ along the true gradient of its error (see `adjoint`).
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 
 import torch
@@ -40,7 +39,6 @@ OWN_POINTS, OWN_STEPS = 200_000, 10   # how many of them, and for how many steps
 SIMILARITY = 0.05       # weight of SSIM inside the shape beside the squared error, each summed over pixels
 SIMILARITY_STEPS = 2    # for which a slope of SSIM is used, since it takes as long as the rest of a step
 BLUR, BLUR_PX = (0.25, 0.5, 0.25), 0.7   # of the drawing along both axes, and the Gaussian that is like it
-MOST_MASS = 8.0         # of the drawing, in those of the picture: where white saturates, nothing else holds it
 LEAST_WEIGHT = 1e-6     # of a map
 TOLD = 10               # steps from one set that is told to the next
 
@@ -86,7 +84,7 @@ def descended(start: WeightedMaps, target: Exposed, steps: int, seed: int, deadl
             if k % SIMILARITY_STEPS == 0:
                 towards = SIMILARITY * similarity.slope(shown)
             slope = 2 * (shown - target.grey) - towards
-            slope = filtered(slope * target.curve.slope(average) * target.shows, BLUR)
+            slope = filtered(slope * target.slope(average) * target.shows, BLUR)
             slope += adjoint.echo()
         adam.zero_grad()
         drawn.backward(slope)
@@ -104,7 +102,6 @@ def descended(start: WeightedMaps, target: Exposed, steps: int, seed: int, deadl
         adam.step()
         with torch.no_grad():
             linear.copy_(contract(torch.cat([linear, centre], 1), LARGEST)[:, :4])
-            logs -= (logs.logsumexp(0) - math.log(MOST_MASS)).clamp_min(0)
     return _found(linear, centre, logs, mean, target.mass, mass)
 
 

@@ -52,6 +52,11 @@ class Exposed:
         """The masses (R,R) of pixels."""
         return self.curve.mass(self.grey, WHITEST)
 
+    def slope(self, masses: Tensor) -> Tensor:
+        """The derivatives (R,R) of grey levels by masses, at most as flat as in the whitest pixels that are told apart.
+        The true ones vanish where white saturates, and nothing would draw mass out of such a pixel again."""
+        return self.curve.slope(masses.clamp_max(float(self.curve.mass(torch.ones(()), WHITEST))))
+
     def points(self, count: int, generator: torch.Generator) -> Tensor:
         """Points (count,2) of the canvas, distributed as the masses, one in each of `count` equal parts of them."""
         cumulative = self._cumulative

@@ -200,8 +200,8 @@ def _square(shape: _Shape, frame: str, resolution: int, padding: float, notes: N
     if frame == "fit" and as_large and padding == PADDING and is_target(shape.grey, shape.profile, padding):
         notes.append("a target of this package in its frame: it stays as it is")
         return whole
-    cuts = CUT_IF_SAID if frame == "part" else CUT_IN_CROP if is_crop else CUT
-    found = window(shape.grey, shape.profile, shape.level, padding, notes, rings=shape.rings, cuts=cuts)
+    cut = CUT_IF_SAID if frame == "part" else CUT_IN_CROP if is_crop else CUT
+    found = window(shape.grey, shape.profile, shape.level, padding, notes, rings=shape.rings, cut=cut)
     if frame == "part" and not found[-1]:
         raise InputError(f'frame="part" needs a shape that reaches a side and is wider than an eighth of the canvas; '
                          f'{name} shows none: leave frame="part" out')

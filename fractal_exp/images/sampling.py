@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -14,18 +15,31 @@ from .levels import has_target_levels
 SHAPE_LEVEL = 0.1                        # share of the contrast above which a pixel belongs to the shape
 SHAPE_LEVEL_IF_RINGING = 0.25            # the same in a coloured drawing as JPEG, which rings beside edges
 # Shares of a shape's span between which a side at least is lit in a picture that cuts it off. Photographs that are
-# trimmed on some sides have less, and flat edges of a shape more. Whoever crops means it, and whoever says so knows.
-CUT, CUT_IN_CROP, CUT_IF_SAID = (0.17, 0.95), (0.17, np.inf), (0.0, np.inf)
+# trimmed on some sides have less, and flat edges of a shape more.
+LEAST_CUT, MOST_CUT = 0.17, 0.95
 NARROWEST = 0.25                         # canvas units: four cells of the search's coarsest grid
 FRAMED = 0.9, 1.25                       # limits of the box's longer side, in sides of the frame: tips may be faint
 CENTRED = 0.1                            # limit of the distance of the box's centre from the canvas', in the same unit
 
 
+class Cut(NamedTuple):
+    """A side cuts the shape off if it is lit along more than `least` and at most `most` of the shape's span. all_sides:
+    whether a shape that reaches all four may be cut off, or is taken to be trimmed to its own box, as many are."""
+
+    least: float
+    most: float = np.inf
+    all_sides: bool = True
+
+
+CUT = Cut(LEAST_CUT, MOST_CUT, all_sides=False)
+CUT_IN_CROP, CUT_IF_SAID = Cut(LEAST_CUT), Cut(0.0)   # whoever crops means it, and whoever says so knows
+
+
 def window(grey: Bands, profile: Profile, level: float, padding: float, notes: list[str], *,
-           rings: bool = False, cuts: tuple[float, float] = CUT) -> tuple[float, float, float, Collection[str]]:
+           rings: bool = False, cut: Cut = CUT) -> tuple[float, float, float, Collection[str]]:
     """The square (x, y, side) of a grey picture with this profile that fills the canvas: the shape's box, centred, with
     its padding; and the sides of the picture that cut the shape off. level: of the background; rings: whether it is a
-    coloured drawing in a lossy file; cuts: shares of the shape's span between which a side is lit that cuts it off."""
+    coloured drawing in a lossy file; cut: how a picture is known to cut it off."""
     scale, origin = grey.scale, grey.origin
     contrast = float(profile.high) - level
     away = np.abs(profile.border - level) / contrast
@@ -45,17 +59,17 @@ def window(grey: Bands, profile: Profile, level: float, padding: float, notes: l
     spans = {"left": y1 - y0, "right": y1 - y0, "top": x1 - x0, "bottom": x1 - x0}
     lit = {name: float(((levels - level) / contrast > lowest).sum()) for name, levels in profile.sides.items()}
     touched = [name for name, count in lit.items() if count]
-    is_trimmed = cuts == CUT and len(touched) == len(lit)  # as many pictures are, to the shape's own box
-    is_cut = not is_trimmed and any(cuts[0] * spans[name] < lit[name] <= cuts[1] * spans[name] for name in touched)
+    may_be_cut = cut.all_sides or len(touched) < len(lit)
+    is_cut = may_be_cut and any(cut.least * spans[name] < lit[name] <= cut.most * spans[name] for name in touched)
     is_wide = 2 * min(grey.width, grey.height) >= NARROWEST * side
-    cut = touched if is_cut and is_wide else []
-    if cut:
-        notes.append(f"the picture cuts the shape off ({', '.join(cut)}): what lies beyond is unknown, and the code "
+    beyond = touched if is_cut and is_wide else []
+    if beyond:
+        notes.append(f"the picture cuts the shape off ({', '.join(beyond)}): what lies beyond is unknown, and the code "
                      "says how the shape goes on there")
     elif touched:
         notes.append(f"the shape reaches the edge of what is read ({', '.join(touched)}): it is taken to end there"
                      + ("; frame=part says that it goes on" if is_wide else ""))
-    return (x0 + x1 - side) / 2, (y0 + y1 - side) / 2, side, cut
+    return (x0 + x1 - side) / 2, (y0 + y1 - side) / 2, side, beyond
 
 
 def is_target(grey: Bands, profile: Profile, padding: float) -> bool:

@@ -21,7 +21,7 @@ from .weighing import address_tree, weighed, window_of
 
 LOOK, LOOK_POINTS = 64, 20_000  # pixels per side and points of a preview
 EFFORT = 0.03         # of a still's work, for a preview: a fraction of a second
-CANDIDATES, DEPTHS = 4, 6  # candidate points of each kind for a film, and views of each candidate
+CANDIDATES, DEPTHS = 4, 12  # candidate points of each kind for a film, and views of each candidate
 EYES, WORDS = 48, 2000     # eyes of spirals that are looked at, and the number of words that are searched for them
 NEAR = 0.5                 # share of the best candidate's richness with which another may be taken
 CLOSER = 4            # from one look to the next, on the way to a film's target
@@ -34,10 +34,10 @@ def rich_point(code: IFS, seed: int = 0, *, end_zoom: float = 1e4) -> tuple[floa
 
     A random point often lies in an evenly filled region. Where maps flatten, almost all deep views show parallel lines.
     Candidates are a few random points, as many points about which half of each view is lit, and three times as many
-    eyes of spirals, around which a view comes back at ever smaller scales. Each has six views, evenly spaced in the
-    logarithm of the zoom, and counts as much as its dullest. One is drawn by the seed from those that come near the
-    best; if all are dull somewhere, from those that are so last. The same seed gives the same point. It takes up to two
-    hundred drawings of 64²; a candidate gets no more of them once it is too dull to be taken.
+    eyes of spirals, around which a view comes back at ever smaller scales. Each has twelve views, evenly spaced
+    in the logarithm of the zoom, and counts as much as its dullest. One is drawn by the seed from those that come near the
+    best; if all are dull somewhere, from those that are so last. The same seed gives the same point. It takes up to
+    three hundred and fifty drawings of 64²; a candidate gets no more of them once it is too dull to be taken.
 
     Raises `InputError` if the code is not contractive.
     """
@@ -45,7 +45,7 @@ def rich_point(code: IFS, seed: int = 0, *, end_zoom: float = 1e4) -> tuple[floa
     points = [find(code, tree, derive(seed, "target", number), end_zoom) for number in range(CANDIDATES)
               for find in (_half_lit_point, lambda code, _, seed, __: attractor.random_point(code, seed))]
     zooms = [float(zoom) for zoom in np.geomspace(2, max(end_zoom, 2), DEPTHS)]
-    points += _eyes(code, tree, zooms[1 if code.contraction.kind == AVERAGE else len(zooms) // 2])
+    points += _eyes(code, tree, zooms[DEPTHS // (6 if code.contraction.kind == AVERAGE else 2)])
     rich, best, farthest = list[tuple[float, int]](), 0.0, 0
     for point in points:
         least, seen = math.inf, 0

@@ -57,7 +57,7 @@ def test_a_film_of_a_code_that_contracts_on_average_only_goes_where_it_can_be_dr
 
     monkeypatch.setattr(rich, "_look", look)
     point = rich_point(code, 0, end_zoom=2000)
-    zooms = [float(each) for each in np.geomspace(2, 2000, 6)]
+    zooms = [float(each) for each in np.geomspace(2, 2000, rich.DEPTHS)]
 
     def depth(point: tuple[float, float]) -> int:
         rows = [seen.get((point, each), 0) for each in zooms]

@@ -17,7 +17,7 @@ from torch import Tensor
 from ...ifs.code import PROBABILITY_FLOOR
 from ..cuda_launch import blocks_of, launch
 from . import steps
-from .cpu import EDGE
+from .cpu_kernels import EDGE
 from .reference import Descent, Settings, Target
 
 THREADS, WARP = 256, 32

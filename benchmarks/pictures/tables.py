@@ -63,13 +63,20 @@ def _files(fits: pd.DataFrame) -> pd.DataFrame:
 
 
 def windows(fits: pd.DataFrame) -> dict[str, pd.DataFrame]:
-    """By what is shown of the shape: cuts, and zooms by their factor."""
+    """By what is shown of the shape: cuts, and zooms by their factor. continued: see `continued`."""
     return {"By part": _grouped(fits, "kind", _window_row)}
 
 
+def continued(fits: pd.DataFrame) -> pd.Series[bool]:
+    """Which codes go on where the picture shows nothing as a code of the true one's simplicity does: they draw what is
+    shown to within a pixel, with no more maps than the truth. A close view may leave room for several such codes."""
+    return (fits["f1_known"] >= EQUIVALENT_F1) & (fits["maps"] <= fits["true_maps"])
+
+
 def _window_row(rows: pd.DataFrame) -> dict[str, object]:
-    return {"n": len(rows), "read as a part": _mean(rows["told"]), "recovered": _mean(rows["recovered"]),
-            "exact": _mean(rows["exact"]), "F1 in what is shown": _mean(rows["f1_known"]),
+    return {"n": len(rows), "read as a part": _mean(rows["told"]), "continued": _mean(continued(rows)),
+            "recovered": _mean(rows["recovered"]), "exact": _mean(rows["exact"]),
+            "F1 in what is shown": _mean(rows["f1_known"]),
             "F1 of the whole attractor": _mean(rows["f1_truth"]), "maps": _mean(rows["maps"], 1),
             "true maps": _mean(rows["true_maps"], 1), "core s": _core(rows)}
 

@@ -235,7 +235,7 @@ def test_what_is_no_saved_inversion_is_refused(kept, tmp_path):
 def test_how_the_picture_is_read_can_be_told():
     found = known(triangle_picture(), invert=True, threshold=0.5, clean=False, resolution=64)
     assert "black shape on white: inverted, as asked" in found.notes and "binary at the threshold 0.5" in found.notes
-    assert found.options["threshold"] == 0.5
+    assert found.options["threshold"] == found.facts()["reading"]["threshold"] == 0.5
     found = known(triangle_picture(), crop=np.array([60, 4, 178, 118]), resolution=64)
     assert found.target.crop == found.options["crop"] == (60, 4, 178, 118)
     assert found.facts()["options"]["crop"] == [60, 4, 178, 118] and found.placement.size == SIZE

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import torch
@@ -41,7 +41,8 @@ class ReadImage(TargetImage):
     pixels from its upper left corner (it may reach beyond the picture); scale: target pixels per picture pixel; notes:
     sentences for the log; warnings: the notes about what may spoil a result; doubtful: whether what was taken for the
     background may be the shape; unclear: why the picture shows no clear shape, in words, empty if it shows one; source:
-    the given picture; crop: (left, top, right, bottom), the part of it that was read, in pixels, or None for all of it.
+    the given picture; crop: (left, top, right, bottom), the part of it that was read, in pixels, or None for all of it;
+    asked: the arguments of `read_target` that said how to read it, for the record.
     """
 
     inverted: bool
@@ -54,6 +55,7 @@ class ReadImage(TargetImage):
     unclear: str = ""
     source: Path | np.ndarray | Tensor | None = None
     crop: Crop | None = None
+    asked: Mapping[str, Any] = field(default_factory=dict)
 
     @classmethod
     def of_drawing(cls, image: Tensor, levels: str, notes: tuple[str, ...] = ()) -> ReadImage:
@@ -141,6 +143,8 @@ def read_target(
     return ReadImage(image, shape.inverted, pixels.full, crop_box, resolution / side / scale,
                      tuple(notes), tuple(notes.warnings), notes.doubtful, notes.unclear,
                      Path(source).absolute() if isinstance(source, str | Path) else source, part,
+                     {"invert": invert, "threshold": threshold, "padding": padding, "frame": frame, "clean": clean,
+                      "crop": part, "levels": levels},
                      levels=decided(levels, image), known=known)
 
 

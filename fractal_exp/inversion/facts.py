@@ -32,12 +32,14 @@ class Point(BaseModel, frozen=True):
 
 
 class Facts(BaseModel, frozen=True):
-    """The facts of an `Inversion`; see `Inversion.facts`. Files of older versions hold no levels and no camera."""
+    """The facts of an `Inversion`; see `Inversion.facts`. Files of older versions hold no levels, no camera, and not
+    how the picture was read."""
 
     version: Literal[2]
     method: str
     options: dict[str, Any]
     source: str | None
+    reading: dict[str, Any] = {}
     resolution: int
     inverted: bool
     placement: Placement

@@ -166,16 +166,17 @@ class Inversion:
         return "; ".join(f"{name} {each} ({each.kind})" for name, each in self.dimensions.items())
 
     def facts(self) -> dict[str, Any]:
-        """All but the code, as JSON data: version, method, options, source (a path or null), resolution, inverted,
-        placement {size, crop_box}, known (the box {left, bottom, right, top} of the canvas that the picture shows, or
-        null for all of it), scale (target pixels per picture pixel), levels, likeness {f1, iou, noise_ratio,
-        f1_1px, colour, ssim, ssim_chance, f1_dark, ssim_share}, verdict {kind, words, remedy, change}, camera, stopped,
-        seconds, stages [{name, seconds, score, error, maps}], notes, warnings, curve [{maps, likeness, bytes, code}],
-        dimension {code, picture}, each {kind, value, low, high, standing, condition}.
+        """All but the code, as JSON data: version, method, options, source (a path or null), reading {invert,
+        threshold, padding, frame, clean, crop, levels} (what `read_target` was asked), resolution, inverted, placement
+        {size, crop_box}, known (the box {left, bottom, right, top} of the canvas that the picture shows, or null for
+        all of it), scale (target pixels per picture pixel), levels, likeness {f1, iou, noise_ratio, f1_1px, colour,
+        ssim, ssim_chance, f1_dark, ssim_share}, verdict {kind, words, remedy, change}, camera, stopped, seconds,
+        stages [{name, seconds, score, error, maps}], notes, warnings, curve [{maps, likeness, bytes, code}], dimension
+        {code, picture}, each {kind, value, low, high, standing, condition}.
         """
         return {
             "version": VERSION, "method": self.method, "options": _plain(self.options),
-            "source": str(self.source) if isinstance(self.source, Path) else None,
+            "source": str(self.source) if isinstance(self.source, Path) else None, "reading": _plain(self.target.asked),
             "resolution": self.target.image.shape[-1], "inverted": self.target.inverted,
             "placement": {name: list(value) for name, value in asdict(self.placement).items()},
             "known": self.target.known and asdict(self.target.known),
@@ -238,7 +239,7 @@ class Inversion:
         image = read_target(target, side, frame="keep", invert=False).image
         source = Path(facts.source) if facts.source else image
         read = ReadImage(image, facts.inverted, facts.placement.size, facts.placement.crop_box, facts.scale,
-                         facts.notes, facts.warnings, source=source,
+                         facts.notes, facts.warnings, source=source, asked=facts.reading,
                          levels=decided(facts.meaning, image), known=facts.known)
         camera = parse_camera(facts.camera, side) if facts.camera else default_camera(read)
         curve = tuple(CurvePoint(each.maps, each.likeness, each.bytes, IFS.from_json(each.code))

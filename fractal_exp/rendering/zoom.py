@@ -34,8 +34,8 @@ def rich_point(code: IFS, seed: int = 0, *, end_zoom: float = 1e4) -> tuple[floa
 
     A random point often lies in an evenly filled region. Where maps flatten, almost all deep views show parallel lines.
     Candidates are a few random points, as many points about which half of each view is lit, and three times as many
-    eyes of spirals, around which a view comes back at ever smaller scales. Each has twelve views, evenly spaced
-    in the logarithm of the zoom, and counts as much as its dullest. One is drawn by the seed from those that come near the
+    eyes of spirals, around which a view comes back at ever smaller scales. Each has twelve views, evenly spaced in the
+    logarithm of the zoom, and counts as much as its dullest. One is drawn by the seed from those that come near the
     best; if all are dull somewhere, from those that are so last. The same seed gives the same point. It takes up to
     three hundred and fifty drawings of 64²; a candidate gets no more of them once it is too dull to be taken.
 

@@ -123,6 +123,8 @@ def test_options_reach_the_method_and_the_reader(folder, method, capsys):
     assert "168×158 px" in out and "only the part of 166×150 px at (2, 0) is read, as asked" in out
     facts = json.loads((folder / "gasket-fractal" / "inversion.json").read_text())["meta"]["inversion"]
     assert facts["options"]["search"]["moves"] == 10
+    reading = {"invert": True, "clean": False, "crop": [2, 0, 168, 150], "frame": "fit"}
+    assert reading.items() <= facts["reading"].items()
 
 
 @pytest.mark.parametrize("words, change, line", [

@@ -32,8 +32,8 @@ class BinnedMeasure:
 
     samples (K,3): x, y, mass; bins (G,G): the same masses, shared bilinearly on a grid of G cells per side, row 0 at
     the top; grids: how many grids with sides G, G/2, G/4 … are compared; floor: added to a bin's mass under the square
-    root of the collage error, so that fainter masses hardly count; known (G,G): 1 in the cells that count,
-    0 in others, whose bins must be 0; None: all count. The mass is 1 in what is known; samples beyond come on top.
+    root of the collage error, so that fainter masses hardly count; known (G,G): how much of a cell's mass is compared,
+    from 0 to 1; None: all of it in all cells. The mass is 1 in what is known; samples beyond come on top.
     float32, on one device. Raises `InputError` on other shapes, tensors that differ in dtype or device, a side that
     cannot be halved often enough, or a floor below 1e-12.
     """
@@ -71,7 +71,7 @@ class BinnedMeasure:
         off = points - mean
         object.__setattr__(self, "mean", mean)
         object.__setattr__(self, "covariance", (off * mass).T @ off)
-        halved = [self.bins]
+        halved = [self.bins if self.known is None else self.bins * self.known]
         for _ in range(self.grids - 1):
             halved.append(torch.nn.functional.avg_pool2d(halved[-1][None, None], 2)[0, 0] * 4)
         roots = torch.cat([(grid + self.floor).sqrt().flatten() for grid in halved])

@@ -68,8 +68,8 @@ Settings = namedtuple("Settings", [field.name for field in fields(Descent)])  # 
 
 class Target(NamedTuple):
     """The measure that a descent aims at: samples (K,3) of x, y, mass; the square roots of its bins plus `floor`, all
-    `grids` grids in a row, the finest of `size` cells a side; its mean (2,) and covariance (2,2); known (G²,): 1 in the
-    finest cells that count, 0 in the others, or empty if all count."""
+    `grids` grids in a row, the finest of `size` cells a side; its mean (2,) and covariance (2,2); known (G²,): how
+    much of the mass in a finest cell is compared, from 0 to 1, or empty if all is."""
 
     samples: Tensor
     roots: Tensor

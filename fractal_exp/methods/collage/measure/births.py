@@ -60,7 +60,7 @@ class Birthplace:
         largest, smaller = self.limits
         on_coarse, on_fine = (replace(how, largest=largest, smaller=smaller) for how in (ON_COARSE, ON_FINE))
         sets, device = len(backgrounds), backgrounds.device
-        lacking = (fine.bins - backgrounds).clamp_min(0)
+        lacking = (fine.bins - backgrounds).clamp_min(0) * (1 if fine.known is None else fine.known)
         wanted = [_wanted(each, fine) if self.params.residual else fine.bins for each in lacking]
         born = torch.stack([candidates(wanted[p], lacking[p], fine, sizes[p], count, round(count * BLOBS), self.params,
                                        generator) for p in range(sets)])

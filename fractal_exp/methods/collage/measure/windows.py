@@ -1,8 +1,9 @@
 """The measure of a picture that shows a part of a shape, and the search on it.
 
 Copies of what the picture does not show may lie where it shows something. So the measure of a code goes on beyond the
-window as the code's own attractor does: what is seen and what is inferred are pushed through the maps together, and
-errors count where something is seen. The true code agrees with the measure that it completes itself.
+window as the code's own attractor does: what is seen and what is inferred are pushed through the maps together. Errors
+count where something is seen, and a little beyond: if they did not, a wrong map could hide its image there. The true
+code agrees with the measure that it completes itself.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from torch import Tensor
 
 from ....cameras.points import attractor_points
 from ....images.known import Known
-from ....ops.collage import BinnedMeasure
+from ....ops.collage import BinnedMeasure, pushforward
 from ....runtime.seeds import derive
 from ..bins import binned, hats
 from ..limits import SMALLER
@@ -27,19 +28,17 @@ POINTS = 10_000     # of the attractor, that complete a measure
 MOST_UNSEEN = 4.0   # mass, relative to what is seen, that may be inferred
 FARTHEST = 20.0     # canvas units, from whose middle on no mass is inferred
 LEAST_SEEN = 1e-3   # mass of an attractor in the window, below which it is not scaled up to what is seen
-SLACK = 0.6         # share of what is seen that counts as explained: holes that unseen copies leave weigh less
-DEARER = 1.5        # factor on the price of a map: what is not seen leaves room for maps that only patch what is
+INFERRED = 0.1      # how much of an error in inferred mass counts
 
 
 def seen(masses: Tensor, size: int, known: Known | None, grids: int = BinnedMeasure.grids) -> BinnedMeasure:
-    """`binned`, with the cells that count: those that only known pixels share."""
+    """`binned`, with the cells that are known: those that only known pixels share."""
     if known is None:
         return binned(masses, size, grids)
     shares, pixels = hats(len(masses), size).to(masses), known.mask(len(masses)).to(masses)
-    measure = binned(masses * pixels, size, grids)
     unknown = shares.T @ (1 - pixels) @ shares
-    counts = (unknown <= 0).to(measure.bins)
-    return replace(measure, bins=measure.bins * counts, known=counts)
+    measure = binned(masses * pixels, size, grids)
+    return replace(measure, known=(unknown <= 0).to(measure.bins))
 
 
 def completed(measures: Sequence[BinnedMeasure], found: WeightedMaps, resolution: int, known: Known | None, seed: int
@@ -52,8 +51,19 @@ def completed(measures: Sequence[BinnedMeasure], found: WeightedMaps, resolution
     inside = known.holds(points, resolution)
     beyond = points[~inside & (points.abs() < FARTHEST).all(1)]
     mass = min(MOST_UNSEEN, len(beyond) / max(1, int(inside.sum())))
-    return [replace(each, samples=torch.cat([each.samples, gathered(beyond, each.size, mass)]).contiguous())
-            for each in measures]
+    return [_with(each, gathered(beyond, each.size, mass)) for each in measures]
+
+
+def _with(measure: BinnedMeasure, inferred: Tensor) -> BinnedMeasure:
+    """A measure with inferred samples (K,3), also off the canvas, in the cells that are not known."""
+    assert measure.known is not None
+    here = inferred[(inferred[:, :2].abs() < 1).all(1)].contiguous()
+    bins = measure.bins
+    if len(here):
+        identity, one = here.new_tensor([[[1.0, 0, 0, 1, 0, 0]]]), here.new_ones(1, 1)
+        bins = bins + pushforward(identity, one, here, measure.size)[0] * (1 - measure.known)
+    return replace(measure, samples=torch.cat([measure.samples, inferred]).contiguous(), bins=bins,
+                   known=measure.known + INFERRED * (1 - measure.known))
 
 
 def gathered(points: Tensor, size: int, mass: float) -> Tensor:
@@ -72,7 +82,6 @@ class WindowSearch(MeasureSearch):
     def __init__(self, masses: Tensor, known: Known, regime: Regime, params: CollageParams, seed: int = 0,
                  smaller_limit: float = SMALLER):
         self.known, self.resolution = known, len(masses)
-        params = params.updated(search={"slack": max(SLACK, params.search.slack)})
         super().__init__(masses, regime, params, seed, smaller_limit)
         self.seen = self.measure, self.coarse
 
@@ -87,10 +96,10 @@ class WindowSearch(MeasureSearch):
         return super().judged(maps, weights, self._error(maps, weights))
 
     def _attractor(self, maps: Tensor, weights: Tensor) -> Tensor:
-        """The measure (G,G) of the attractor in the window, of the mass that is seen there."""
-        assert self.measure.known is not None
-        bins = super()._attractor(maps, weights) * self.measure.known
-        return bins * (self.measure.bins.sum() / bins.sum().clamp_min(LEAST_SEEN))
+        """The measure (G,G) of the attractor, with the mass in the window that is seen there."""
+        bins, seen = super()._attractor(maps, weights), self.seen[0]
+        assert seen.known is not None
+        return bins * ((seen.bins * seen.known).sum() / (bins * seen.known).sum().clamp_min(LEAST_SEEN))
 
     def resume(self, found: Candidate) -> Candidate:
         self._complete(found)
@@ -102,9 +111,6 @@ class WindowSearch(MeasureSearch):
 
     def step(self, now: Candidate, number: int) -> Candidate:
         return super().step(self.judged(now.maps, now.own_weights, now.error), number)
-
-    def _price(self, count: int) -> float:
-        return super()._price(count) + (DEARER - 1) * self.regime.price * count
 
     def pruned(self, maps: Tensor, weights: Tensor, error: float) -> Candidate:
         self._complete(WeightedMaps(maps, weights))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import torch
 from torch import Tensor
@@ -22,8 +23,9 @@ class Known:
     right: float
     top: float
 
+    @cache  # noqa: B019 (a box is four numbers, and a search asks for its few masks all the time)
     def mask(self, resolution: int) -> Tensor:
-        """The pixels (R,R) that lie in the box with all that they cover, bool."""
+        """The pixels (R,R) that lie in the box with all that they cover, bool. Not to be changed."""
         edges = 2 * torch.arange(resolution + 1, dtype=torch.float64) / resolution - 1
         low, high = edges[:-1] + ROUNDING, edges[1:] - ROUNDING
         return ((low >= self.bottom) & (high <= self.top)).flip(0)[:, None] & (low >= self.left) & (high <= self.right)

@@ -110,7 +110,8 @@ class WindowSearch(MeasureSearch):
         return super().mixed(pool, best)
 
     def step(self, now: Candidate, number: int) -> Candidate:
-        return super().step(self.judged(now.maps, now.own_weights, now.error), number)
+        self._complete(now)
+        return super().step(now, number)
 
     def pruned(self, maps: Tensor, weights: Tensor, error: float) -> Candidate:
         self._complete(WeightedMaps(maps, weights))

@@ -28,7 +28,7 @@ POINTS = 10_000     # of the attractor, that complete a measure
 MOST_UNSEEN = 4.0   # mass, relative to what is seen, that may be inferred
 FARTHEST = 20.0     # canvas units, from whose middle on no mass is inferred
 LEAST_SEEN = 1e-3   # mass of an attractor in the window, below which it is not scaled up to what is seen
-INFERRED = 0.1      # how much of an error in inferred mass counts
+INFERRED = 0.05     # how much of an error in inferred mass counts
 
 
 def seen(masses: Tensor, size: int, known: Known | None, grids: int = BinnedMeasure.grids) -> BinnedMeasure:
@@ -55,15 +55,14 @@ def completed(measures: Sequence[BinnedMeasure], found: WeightedMaps, resolution
 
 
 def _with(measure: BinnedMeasure, inferred: Tensor) -> BinnedMeasure:
-    """A measure with inferred samples (K,3), also off the canvas, in the cells that are not known."""
+    """A measure with inferred samples (K,3) in the cells that are not known; mass off the canvas in its edge cells."""
     assert measure.known is not None
-    here = inferred[(inferred[:, :2].abs() < 1).all(1)].contiguous()
-    bins = measure.bins
-    if len(here):
-        identity, one = here.new_tensor([[[1.0, 0, 0, 1, 0, 0]]]), here.new_ones(1, 1)
-        bins = bins + pushforward(identity, one, here, measure.size)[0] * (1 - measure.known)
-    return replace(measure, samples=torch.cat([measure.samples, inferred]).contiguous(), bins=bins,
-                   known=measure.known + INFERRED * (1 - measure.known))
+    identity, one = inferred.new_tensor([[[1.0, 0, 0, 1, 0, 0]]]), inferred.new_ones(1, 1)
+    bins, unknown = measure.bins, 1 - measure.known
+    if len(inferred):
+        bins = bins + pushforward(identity, one, inferred, measure.size)[0] * unknown
+    return replace(measure, samples=torch.cat([measure.samples, inferred]), bins=bins,
+                   known=measure.known + INFERRED * unknown)
 
 
 def gathered(points: Tensor, size: int, mass: float) -> Tensor:

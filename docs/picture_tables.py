@@ -137,18 +137,20 @@ def tone_curves(folder: Path) -> tuple[list[str], Rows]:
 
 
 def windows(*folders: Path) -> tuple[list[str], Rows]:
-    """Parts of shapes: cuts, of pictures that others drew and of the suite, and zooms; from the truth or not."""
+    """Parts of shapes: cuts, of pictures that others drew and of the suite, and zooms, called parts by their user or
+    not; from the truth or not."""
     from benchmarks.pictures.tables import continued
 
     rows = []
     for folder in folders:
         fits = frame(folder)
-        fits = fits.assign(suite=fits["picture"].str.contains("suite"))
+        fits = fits.assign(suite=fits["picture"].str.contains("suite"),
+                           told=[", called a part" if each.get("frame") == "part" else "" for each in fits["options"]])
         begin = "the true code" if fits["from_truth"].all() else "nothing"
-        rows += [[begin, str(kind), "random suite" if of_suite else "textbook and classics", f"{len(each)}",
+        rows += [[begin, f"{kind}{told}", "random suite" if of_suite else "textbook and classics", f"{len(each)}",
                   short(each["f1_known"].mean()), short(each["f1_truth"].mean()), f"{continued(each).sum()}",
                   f"{each['recovered'].sum()}"]
-                 for (kind, of_suite), each in fits.groupby(["kind", "suite"])]
+                 for (kind, told, of_suite), each in fits.groupby(["kind", "told", "suite"])]
     return ["begun with", "", "", "pictures", "F1 in what is shown", "F1 of the whole attractor", "continued",
             "recovered"], rows
 

@@ -6,7 +6,7 @@ import torch
 from ops_helpers import tiling_problem
 
 from fractal_exp import InputError
-from fractal_exp.ops.collage import Descent, descend
+from fractal_exp.ops.collage import Descent, descend, pushforward
 from fractal_exp.ops.collage.reference import Settings
 
 MEASURE, MAPS, WEIGHTS = tiling_problem()
@@ -40,3 +40,13 @@ def test_kernels_get_numbers_of_one_type_whichever_a_user_gives():
     given = Settings(**vars(Descent(np.int32(3), rate=1, decay=0, identity_radius=1, prior=np.float32(0.5))))
     assert [type(number) for number in given] == [int, *[float] * 8, bool, *[float] * 3]
     assert given == (3, 1, 0.05, 0, 0.995, 1, 0.5, 1, 0.3, False, 0.9, 0.98, 1e-7)
+
+
+@pytest.mark.parametrize("absent", [float("nan"), float("inf")])
+def test_the_numbers_of_an_absent_map_do_not_matter(absent):
+    maps, weights = MAPS.clone(), WEIGHTS.clone()
+    weights[:, 0] = 0.0
+    expected = pushforward(maps, weights, MEASURE.samples, 32)
+    maps[:, 0] = absent
+    for backend in ("torch", "cpu"):
+        assert torch.allclose(pushforward(maps, weights, MEASURE.samples, 32, backend=backend), expected, atol=1e-6)

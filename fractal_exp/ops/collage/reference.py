@@ -83,6 +83,7 @@ class Target(NamedTuple):
 
 def pushforward(maps: Tensor, weights: Tensor, samples: Tensor, size: int) -> Tensor:
     """sum_i w_i f_i#mu in bilinear bins: maps (B,N,6), weights (B,N), samples (K,3) of x, y, mass -> (B,G,G)."""
+    maps = torch.where(weights[..., None] > 0, maps, 0)  # whatever the numbers of an absent map are
     corners, shares = _bins(maps, samples.detach(), size)
     mass = (weights.clamp_min(0)[..., None] * samples[:, 2])[..., None] * shares  # (B,N,K,4)
     bins = torch.zeros(len(maps), size * size, dtype=maps.dtype, device=maps.device)
@@ -166,7 +167,7 @@ def _bins(maps: Tensor, samples: Tensor, size: int) -> tuple[Tensor, Tensor]:
     v = v + (v.clamp(0, size - EDGE) - v).detach()
     column, row = u.detach().floor(), v.detach().floor()
     fu, fv = u - column, v - row
-    first = (row * size + column).long()
+    first = (row * size + column).nan_to_num(0).long()
     corners = torch.stack([first, first + 1, first + size, first + size + 1], -1)
     return corners, torch.stack([(1 - fu) * (1 - fv), fu * (1 - fv), (1 - fu) * fv, fu * fv], -1)
 

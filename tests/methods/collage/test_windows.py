@@ -121,6 +121,26 @@ def test_the_true_code_agrees_with_the_measure_that_it_completes():
     assert error(whole) < 0.1 * error(cut) and error(whole) < 0.05 * error(as_if_all)
 
 
+def test_a_map_cannot_hide_its_image_beyond_the_picture():
+    whole, = completed([seen(MASSES, 64, CUT)], WeightedMaps(MAPS, WEIGHTS), SIDE, CUT, 0)
+    hidden = torch.tensor([[0.1, 0, 0, 0.1, 0.8, 0.0]])   # beyond the right edge of what is known
+    maps, weights = torch.cat([MAPS, hidden])[None], torch.cat([WEIGHTS, torch.tensor([0.3])])[None]
+    without, within = (collage_error(pushforward(maps[:, :n], weights[:, :n], whole.samples, 64), whole).item()
+                       for n in (3, 4))
+    assert within > 3 * without
+
+
+def test_what_reaches_beyond_the_canvas_is_where_the_code_has_it():
+    code = GASKET.similar(1.6, (0.6, 0.0))   # a part of it lies off the canvas
+    masses = DENSITY.measure(DENSITY.render(code, SIDE, 0) * MASK)
+    found = WeightedMaps(affine.from_code(code), WEIGHTS)
+    whole, = completed([seen(masses, 64, CUT)], found, SIDE, CUT, 0)
+    assert (whole.samples[:, :2].abs() > 1).any()
+    bins = pushforward(found.maps[None], WEIGHTS[None], whole.samples, 64)
+    assert whole.known is not None and 0 < whole.known.min() < 1
+    assert float(bins[0][whole.known < 1].sum()) == pytest.approx(float(whole.bins[whole.known < 1].sum()), rel=0.05)
+
+
 def test_the_search_prefers_the_true_code_to_one_that_patches_what_is_seen():
     search = search_on(MASSES, CUT, Regime.whole(PARAMS), PARAMS, 0)
     assert isinstance(search, WindowSearch)

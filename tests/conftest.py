@@ -9,6 +9,7 @@ os.environ.pop("MLFLOW_TRACKING_URI", None)  # the server that keeps the runs of
 
 import shutil
 import sqlite3
+import sys
 from contextlib import closing
 from pathlib import Path
 
@@ -90,6 +91,8 @@ def pytest_deselected(items):
 def pytest_sessionfinish(session):
     if hasattr(session.config, "workeroutput"):  # one of several processes
         session.config.workeroutput["left out"] = session.config.stash.get(LEFT_OUT, 0)
+    if widgets := sys.modules.get("ipywidgets"):  # those that are left complain when the interpreter ends
+        widgets.Widget.close_all()
 
 
 @pytest.hookimpl(optionalhook=True)

@@ -4,6 +4,7 @@
     python -m benchmarks.comparisons                                        benchmarks/results/comparisons_laptop
     python -m benchmarks.comparisons --study as_released                    benchmarks/results/as_released_laptop
     python -m benchmarks.comparisons --study ablations --add                adds more fractals to those kept before
+    python -m benchmarks.comparisons --study presets_256 --so-far           of a sweep of days, what is done
 
 Written: fits.jsonl, report.md, strips.png with the pictures of six fractals and, where the sweep has quality over time,
 course.png. Everything comes from the tracking store, so run this on the machine of the fits. With `--add`, a sweep of
@@ -92,11 +93,14 @@ def joined(path: Path, records: list[dict[str, Any]], sweep: report.Sweep
     return before + records, replace(sweep, jobs=pd.concat([jobs_of(before), sweep.jobs], ignore_index=True))
 
 
-def keep(output: Path, study: str, name: str | None, folder: Path, *, add: bool = False) -> None:
-    """Write the newest sweep of a study, or the one of this name, into `folder`; or add it to what is there."""
+def keep(output: Path, study: str, name: str | None, folder: Path, *, add: bool = False, so_far: bool = False) -> None:
+    """Write the newest sweep of a study, or the one of this name, into `folder`; or add it to what is there. so_far:
+    leave out the jobs that are not finished, instead of refusing such a sweep."""
     uri = store_uri(output)
     sweep = report.read_sweep(uri, study, name)
     records = kept(uri, sweep)
+    if so_far and records:
+        sweep = replace(sweep, jobs=sweep.jobs[sweep.jobs["status"] == "FINISHED"].reset_index(drop=True))
     if len(records) < len(sweep.jobs):
         raise InputError(f"the sweep {sweep.name} has {len(records)} finished jobs of {len(sweep.jobs)}; the same "
                          f"fractal-sweep {study} command again goes on, or name another sweep with --sweep")
@@ -132,10 +136,12 @@ def main() -> None:
     parser.add_argument("--output", type=Path, default=Path("outputs"), help="folder of the MLflow store")
     parser.add_argument("--folder", type=Path, help="where to write (default: benchmarks/results/STUDY_SCALE)")
     parser.add_argument("--add", action="store_true", help="add to the fits that the folder holds, whatever the store")
+    parser.add_argument("--so-far", action="store_true", help="keep the finished fits of a sweep that goes on")
     args = parser.parse_args()
     try:
         scale = report.read_sweep(store_uri(args.output), args.study, args.sweep).scale
-        keep(args.output, args.study, args.sweep, args.folder or RESULTS / f"{args.study}_{scale}", add=args.add)
+        keep(args.output, args.study, args.sweep, args.folder or RESULTS / f"{args.study}_{scale}", add=args.add,
+             so_far=args.so_far)
     except InputError as error:
         raise SystemExit(str(error)) from error
 

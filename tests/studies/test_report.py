@@ -272,6 +272,9 @@ def test_a_sweep_is_kept_fit_by_fit(tmp_path):
     with pytest.raises(InputError, match="2 finished jobs of 3; the same fractal-sweep study command again goes on"):
         comparisons.keep(tmp_path, "study", None, tmp_path / "kept")
     assert not (tmp_path / "kept").exists(), "an unfinished sweep takes no finished one's place"
+    comparisons.keep(tmp_path, "study", None, tmp_path / "kept", so_far=True)
+    assert len((tmp_path / "kept" / "fits.jsonl").read_text().splitlines()) == 2
+    assert "on 2 samples" in (tmp_path / "kept" / "report.md").read_text()
 
 
 def test_fits_of_another_day_join_those_that_are_kept(tmp_path, sweep):

@@ -185,7 +185,7 @@ def elsewhere() -> None:
         pen.text((x + side // 2, top - 6), note, fill=(205, 205, 205), font=small, anchor="ms")
         for row, cell in enumerate(cells):
             sheet.paste(cell.resize((side, side), Image.Resampling.BOX), (x, top + row * (side + gap)))
-    save(IMAGES / "elsewhere.png", np.asarray(sheet), 48)
+    save(IMAGES / "elsewhere.png", np.asarray(sheet), 32)
 
 
 def zoom() -> None:

@@ -98,7 +98,7 @@ def keep(output: Path, study: str, name: str | None, folder: Path, *, add: bool 
     leave out the jobs that are not finished, instead of refusing such a sweep."""
     uri = store_uri(output)
     sweep = report.read_sweep(uri, study, name)
-    records = kept(uri, sweep)
+    records, planned = kept(uri, sweep), len(sweep.jobs)
     if so_far and records:
         sweep = replace(sweep, jobs=sweep.jobs[sweep.jobs["status"] == "FINISHED"].reset_index(drop=True))
     if len(records) < len(sweep.jobs):
@@ -113,7 +113,8 @@ def keep(output: Path, study: str, name: str | None, folder: Path, *, add: bool 
     at_once = _artifact(uri, sweep.run_id, "sweep.json").get("workers")
     machines = sorted({record["machine"] for record in records})
     together = "" if add else f", {at_once} at a time"
-    about = (f"Fitted by {', '.join(commits)} on {'; '.join(machines)}{together}"
+    part = f"{len(records)} of the {planned} fits of the sweep so far. " if so_far else ""
+    about = (f"{part}Fitted by {', '.join(commits)} on {'; '.join(machines)}{together}"
              f"{', at most ' + ', '.join(limits) + ' each' if limits else ''}; fits.jsonl has every fit.")
     table = report_text.markdown(sweep, report.summary(sweep))
     (folder / "report.md").write_text(f"{table}\n{about}\n")

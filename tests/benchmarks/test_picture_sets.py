@@ -3,10 +3,11 @@
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 import torch
 
-from benchmarks.pictures import binary, density_maps, judging, textbook, tone_curves, windows
+from benchmarks.pictures import binary, density_maps, judging, tables, textbook, tone_curves, windows
 from benchmarks.pictures.figures import FIGURES, Truth
 from benchmarks.pictures.growth import GROWTH
 from benchmarks.pictures.report import MAIN_SCORES
@@ -174,3 +175,8 @@ def test_the_truth_of_a_part_lies_on_what_is_shown_of_it_and_goes_on_beyond(name
     drawn, mask = judging.drawing(true, 128), read.known.mask(128).numpy()
     assert judging.f1_within_a_pixel(judging.shape_of(read.image.numpy()) & mask, drawn & mask) > 0.9
     assert (drawn & ~mask).sum() > 0.05 * drawn.sum()   # the canvas does not hold all that lies outside
+
+
+def test_a_part_is_continued_if_it_is_drawn_right_by_no_more_maps_than_the_truth_has():
+    fits = pd.DataFrame({"f1_known": [1.0, 0.99, 1.0, 0.995], "maps": [3, 3, 4, 2], "true_maps": [3, 3, 3, 3]})
+    assert tables.continued(fits).tolist() == [True, False, False, True]

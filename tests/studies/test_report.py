@@ -274,7 +274,8 @@ def test_a_sweep_is_kept_fit_by_fit(tmp_path):
     assert not (tmp_path / "kept").exists(), "an unfinished sweep takes no finished one's place"
     comparisons.keep(tmp_path, "study", None, tmp_path / "kept", so_far=True)
     assert len((tmp_path / "kept" / "fits.jsonl").read_text().splitlines()) == 2
-    assert "on 2 samples" in (tmp_path / "kept" / "report.md").read_text()
+    text = (tmp_path / "kept" / "report.md").read_text()
+    assert "on 2 samples" in text and "2 of the 3 fits of the sweep so far." in text
 
 
 def test_fits_of_another_day_join_those_that_are_kept(tmp_path, sweep):

@@ -34,8 +34,8 @@ class BinnedMeasure:
     the top; grids: how many grids with sides G, G/2, G/4 … are compared; floor: added to a bin's mass under the square
     root of the collage error, so that fainter masses hardly count; known (G,G): how much of a cell's mass is compared,
     from 0 to 1; None: all of it in all cells. The mass is 1 in what is known; samples beyond come on top.
-    float32, on one device. Raises `InputError` on other shapes, tensors that differ in dtype or device, a side that
-    cannot be halved often enough, or a floor below 1e-12.
+    float32, on one device. Raises `InputError` on other shapes, tensors that differ in dtype or device, a share that is
+    not in [0,1], a side that cannot be halved often enough, or a floor below 1e-12.
     """
 
     samples: Tensor
@@ -66,6 +66,8 @@ class BinnedMeasure:
             if self.known.shape != self.bins.shape:
                 raise InputError(f"known must have the shape of the bins, {tuple(self.bins.shape)}, got "
                                  f"{tuple(self.known.shape)}")
+            if not bool(((self.known >= 0) & (self.known <= 1)).all()):
+                raise InputError("known must hold shares from 0 to 1, got others")
             mass = mass / mass.sum()
             mean = (points * mass).sum(0)
         off = points - mean

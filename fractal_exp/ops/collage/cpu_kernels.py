@@ -55,6 +55,7 @@ def _add(weight, mass, corner, right, down, size, bins):
 
 @kernel(parallel=True, fastmath=FUSED)
 def pushforward(maps, weights, samples, size, bins):
+    """Add the images of samples (3,K) under maps (B,N,6), times weights (B,N), to bins (B,G²)."""
     count = samples.shape[1]
     for b in prange(maps.shape[0]):
         corner, right, down = np.empty(count, np.int32), np.empty(count, np.float32), np.empty(count, np.float32)
@@ -95,6 +96,7 @@ def _play(maps, letters, begin, warmup, points):
 
 @kernel(parallel=True, fastmath=FUSED)
 def orbit_bins(maps, letters, starts, trajectories, warmup, size, bins):
+    """Add the orbits of codes, maps (B,N,6), to bins (B,G²); letters, starts: see `draw_letters`."""
     count = letters.shape[1] - warmup
     identity = np.array([1, 0, 0, 1, 0, 0], np.float32)
     for b in prange(maps.shape[0]):

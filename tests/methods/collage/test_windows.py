@@ -91,6 +91,9 @@ def test_if_all_cells_are_known_nothing_changes():
     assert torch.equal(found[0][2], found[1][2]) and torch.allclose(found[0][0], found[1][0], atol=1e-6)
     with pytest.raises(InputError, match="known must have the shape of the bins"):
         replace(cells(None), known=torch.ones(16, 16))
+    for wrong in (1.5, -0.1, float("nan")):
+        with pytest.raises(InputError, match="known must hold shares from 0 to 1"):
+            replace(cells(None), known=torch.full((32, 32), wrong))
 
 
 def test_a_whole_picture_is_searched_as_before():

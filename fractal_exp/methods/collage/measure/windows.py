@@ -2,8 +2,8 @@
 
 Copies of what the picture does not show may lie where it shows something. So the measure of a code goes on beyond the
 window as the code's own attractor does: what is seen and what is inferred are pushed through the maps together. Errors
-count where something is seen, and a little beyond: if they did not, a wrong map could hide its image there. The true
-code agrees with the measure that it completes itself.
+count fully where something is seen, and slightly where it is inferred: otherwise a wrong map could hide its image
+there. The true code agrees with the measure that it completes itself.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ POINTS = 10_000     # of the attractor, that complete a measure
 MOST_UNSEEN = 4.0   # mass, relative to what is seen, that may be inferred
 FARTHEST = 20.0     # canvas units, from whose middle on no mass is inferred
 LEAST_SEEN = 1e-3   # mass of an attractor in the window, below which it is not scaled up to what is seen
-INFERRED = 0.05     # how much of an error in inferred mass counts
+INFERRED = 0.05     # share of inferred mass that is compared, in the place of all that is seen
 
 
 def seen(masses: Tensor, size: int, known: Known | None, grids: int = BinnedMeasure.grids) -> BinnedMeasure:
@@ -51,10 +51,10 @@ def completed(measures: Sequence[BinnedMeasure], found: WeightedMaps, resolution
     inside = known.holds(points, resolution)
     beyond = points[~inside & (points.abs() < FARTHEST).all(1)]
     mass = min(MOST_UNSEEN, len(beyond) / max(1, int(inside.sum())))
-    return [_with(each, gathered(beyond, each.size, mass)) for each in measures]
+    return [_extended(each, gathered(beyond, each.size, mass)) for each in measures]
 
 
-def _with(measure: BinnedMeasure, inferred: Tensor) -> BinnedMeasure:
+def _extended(measure: BinnedMeasure, inferred: Tensor) -> BinnedMeasure:
     """A measure with inferred samples (K,3) in the cells that are not known; mass off the canvas in its edge cells."""
     assert measure.known is not None
     identity, one = inferred.new_tensor([[[1.0, 0, 0, 1, 0, 0]]]), inferred.new_ones(1, 1)

@@ -6,7 +6,7 @@ import json
 import re
 import textwrap
 from collections.abc import Iterator
-from typing import Annotated, Any, Self, get_args, get_origin
+from typing import Annotated, Any, ClassVar, Self, get_args, get_origin
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
@@ -35,9 +35,11 @@ OUTSIDE = ("greater_than_equal", "greater_than", "less_than_equal", "less_than")
 
 
 class Params(BaseModel):
-    """A component's parameters. Raises `InputError` that names a parameter in full, with what it may be."""
+    """A component's parameters. Raises `InputError` that names a parameter in full, with what it may be. ascending:
+    pairs of parameters of which the first may not be above the second."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, use_attribute_docstrings=True)
+    ascending: ClassVar[tuple[tuple[str, str], ...]] = ()
 
     def __init__(self, **values: Any) -> None:
         try:
@@ -52,6 +54,14 @@ class Params(BaseModel):
         if not isinstance(values, dict):
             return values
         return {name: _plain(value) for name, value in values.items()}
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        for first, second in self.ascending:
+            low, high = getattr(self, first), getattr(self, second)
+            if low > high:
+                raise ParamError(second, f"{NAME} must be at least {first}, which is {low}; got {high}")
+        return self
 
     def updated(self, **values: Any) -> Self:
         """The same with other values, those of nested parameters as mappings; checked."""
@@ -101,14 +111,6 @@ class ParamError(InputError):
     def __init__(self, name: str, told: str):
         super().__init__(told.replace(NAME, name))
         self.name, self.told = name, told
-
-
-def check_order(params: Params, *pairs: tuple[str, str]) -> None:
-    """Raise `ParamError`, with both names, if the first parameter of a pair is above the second."""
-    for first, second in pairs:
-        low, high = getattr(params, first), getattr(params, second)
-        if low > high:
-            raise ParamError(second, f"{NAME} must be at least {first}, which is {low}; got {high}")
 
 
 def _explained(kind: type[Params], error: ValidationError) -> ParamError:

@@ -16,7 +16,7 @@ from pydantic import AfterValidator, Field, model_validator
 
 from ...cameras.params import CameraParams, Factor
 from ...ops.collage.reference import MAX_STEPS
-from ...runtime.params import NAME, Amount, Count, Odds, ParamError, Params, Positive, Share, Some, check_order
+from ...runtime.params import NAME, Amount, Count, Odds, ParamError, Params, Positive, Share, Some
 
 BYTES_OF_A_MAP = 12   # six numbers of 16 bits
 
@@ -28,7 +28,6 @@ def power_of_two(value: int) -> int:
     return value
 
 
-SingularValue = Annotated[float, Field(gt=0, lt=1)]
 Grid = Annotated[int, Field(ge=16, le=1024), AfterValidator(power_of_two)]
 Steps = Annotated[int, Field(ge=0, le=MAX_STEPS)]
 
@@ -36,6 +35,7 @@ Steps = Annotated[int, Field(ge=0, le=MAX_STEPS)]
 class SearchParams(Params):
     """Large neighbourhood search (Shaw 1998) on the image's measure: stages 1 and 2."""
 
+    ascending = (("grid", "detail_grid"),)
     restarts: Annotated[int, Field(ge=1, le=1000)] = 5
     """Searches from random maps in the first round, and one more where `camera.curves` lets an image be a density.
     Later rounds may have half as many. A picture of a part of a shape has four times as many, of a quarter of the
@@ -57,16 +57,12 @@ class SearchParams(Params):
     pruning: bool = True
     """Whether maps that are not worth their price are removed; false: only while a set has more maps than asked for."""
 
-    @model_validator(mode="after")
-    def _in_order(self) -> Self:
-        check_order(self, ("grid", "detail_grid"))
-        return self
-
 
 class PopulationParams(Params):
     """Populations of sets of maps (memetic, Moscato 1989). For linear images with given `maps`, they replace stages
     1 and 2."""
 
+    ascending = (("size", "first"),)
     most_maps: Count = 8
     """Maximum number of maps for which there is a population; 0: never."""
     first: Positive = 500
@@ -76,11 +72,6 @@ class PopulationParams(Params):
     generations: Annotated[int, Field(ge=10)] = 40
     """Maximum number of generations. In each, every set has a child, which replaces it if it is better. The best sets
     are rendered after every tenth."""
-
-    @model_validator(mode="after")
-    def _in_order(self) -> Self:
-        check_order(self, ("size", "first"))
-        return self
 
 
 class BirthParams(Params):
@@ -246,7 +237,7 @@ class GrowthParams(Params):
     them, unless a likeness is asked for."""
 
     @model_validator(mode="after")
-    def _in_order(self) -> Self:
+    def _counts_ascend(self) -> Self:
         for before, after in pairwise(self.counts):
             if before >= after:
                 raise ParamError("counts", f"{NAME} must ascend, got {after} after {before}")
@@ -256,6 +247,7 @@ class GrowthParams(Params):
 class StageParams(Params):
     """Rounds and image sizes."""
 
+    ascending = (("largest_side", "full_side"),)
     independent_rounds: Count = 4
     """Maximum number of rounds on a binary image. Each begins from nothing. 0: rounds continue from each other."""
     avoid_isometries: bool = True
@@ -266,11 +258,6 @@ class StageParams(Params):
     full_side: Annotated[int, Field(ge=64)] = 1024
     """Maximum side, pixels, of the image on which the code of a larger one is polished at the end; at least
     `largest_side`."""
-
-    @model_validator(mode="after")
-    def _in_order(self) -> Self:
-        check_order(self, ("largest_side", "full_side"))
-        return self
 
 
 class CollageParams(Params):
@@ -303,16 +290,12 @@ class CollageParams(Params):
     stages: StageParams = StageParams()
 
     @model_validator(mode="after")
-    def _one_number_of_maps(self) -> Self:
+    def _consistent(self) -> Self:
         given = [f"{name}={value}" for name in ("maps", "at_most", "likeness", "bytes")
                  if (value := getattr(self, name)) is not None]
         if len(given) > 1:
             raise ValueError("give one of the number of maps (maps), its upper bound (at_most or bytes) and the "
                              f"likeness to be reached, not two; got {' and '.join(given)}")
-        return self
-
-    @model_validator(mode="after")
-    def _consistent(self) -> Self:
         if self.likeness is not None and not self.growth.enabled:
             raise ParamError("likeness", f"{NAME} is reached by growth, but growth.enabled is false; "
                                          f"got {self.likeness}")
@@ -320,7 +303,6 @@ class CollageParams(Params):
 
     @property
     def most_maps(self) -> int | None:
-        """The maximum number of maps, or None."""
         return self.bytes // BYTES_OF_A_MAP if self.bytes else self.at_most
 
     @property

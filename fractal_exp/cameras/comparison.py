@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from typing import Self
+from typing import Any, Self
 
 import torch
 from torch import Tensor
@@ -45,14 +45,15 @@ class Comparison:
 
     def seen_with(self, levels: Levels) -> Self:
         """The same comparison with other levels that have the same number of subpixels."""
-        other = copy.copy(self)
-        other.levels = levels
-        return other
+        return self._changed(levels=levels)
 
     def hasty(self) -> Self:
         """The same comparison with a single rendering of each code."""
+        return self._changed(renderings=1)
+
+    def _changed(self, **values: Any) -> Self:
         other = copy.copy(self)
-        other.renderings = 1
+        vars(other).update(values)
         return other
 
     def grids(self, image: Tensor) -> list[Tensor]:

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextvars import ContextVar
+from itertools import takewhile
+from typing import TypeVar
 
 # Seconds of a core for a picture from elsewhere, where nobody gives a limit: with twice as many, one more of 64
 # textbook pictures is recovered (benchmarks/results/pictures_textbook and pictures_textbook_120s).
 USUAL = 60.0
 
 UNITS = (("days", 86400), ("h", 3600), ("min", 60), ("s", 1))
+
+Thing = TypeVar("Thing")
 
 _compiling = 0.0   # processor seconds
 
@@ -67,6 +71,10 @@ class Deadline:
     def passed(self) -> bool:
         """Whether time is up."""
         return self.used >= 1
+
+    def during(self, things: Iterable[Thing]) -> Iterator[Thing]:
+        """The things, one after another, until time is up."""
+        return takewhile(lambda _: not self.passed, things)
 
     def until(self, share: float) -> Deadline:
         """The deadline of what must end when this share of the time has passed."""

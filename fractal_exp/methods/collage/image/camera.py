@@ -60,9 +60,7 @@ def _starts(objective: ImageObjective, found: Rendered, kind: str, deadline: Dea
 
 def in_turns(objective: ImageObjective, found: Rendered, deadline: Deadline) -> Fit:
     """Polish the code with its camera and estimate this camera again, of the same kind, in turns."""
-    for _ in range(TURNS):
-        if deadline.passed:
-            break
+    for _ in deadline.during(range(TURNS)):
         found = polished(objective, found, STEPS, deadline=deadline, jacobian=FromRenderings, camera=True)
         objective = objective.seen_with(found.levels)
         tried = nearest(objective.image, objective.levels, found.code, objective.seed)
@@ -81,9 +79,7 @@ def polish_under(objective: ImageObjective, found: Rendered, kind: str, deadline
     can draw it."""
     image, params, fits = objective.image, objective.params, []
     levels = kind_of(kind)(params.camera, image, kinds=objective.levels.kinds).within(objective.levels.known)
-    for _, camera in nearest(image, levels, found.code, objective.seed)[:LIKELIEST]:
-        if deadline.passed:
-            break
+    for _, camera in deadline.during(nearest(image, levels, found.code, objective.seed)[:LIKELIEST]):
         other = ImageObjective(image, with_camera(levels, camera), params, objective.seed)
         shown = polished(other, other.judge(found.maps, found.weights), STEPS, deadline=deadline, camera=True)
         fits.append((other.seen_with(shown.levels), shown))

@@ -12,7 +12,6 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
-from ....cameras.levels import Levels
 from ....runtime.deadline import NO_DEADLINE, Deadline
 from .jacobian import FromPoints, Jacobian
 from .objective import FIRM_ABOVE, Frame, ImageObjective, Rendered
@@ -30,23 +29,26 @@ FIRM_STEPS = 6           # of each firm polish
 
 
 def polished(objective: ImageObjective, rendered: Rendered, steps: int, moving: Sequence[int] | None = None, *,
-             patience: int | None = None, deadline: Deadline = NO_DEADLINE, jacobian: type[Jacobian] | None = None,
+             patience: int = PATIENCE, deadline: Deadline = NO_DEADLINE, jacobian: type[Jacobian] | None = None,
              alone: bool = False, fixed: Collection[tuple[int, int]] = (), camera: bool = False) -> Rendered:
     """The code after at most `steps` Levenberg-Marquardt steps. It is never worse than before.
 
-    moving: the maps that may move, None: all; patience: steps without gain, in a row, before the end, None:
-    `PATIENCE`; jacobian: its class, None: `FromPoints`, or `FromCounts` for linear grey levels; alone: whether
-    each parameter is tried by itself if all together lead nowhere, as is always done for a single map; fixed: entries
-    (map, column) that stay; camera: whether the open values of the camera move as well, so that the result may have
-    other levels. A fixed offset needs a fixed matrix row, because matrices act about the attractor's mean.
+    moving: the maps that may move, None: all; patience: steps without gain, in a row, before the end; jacobian: its
+    class, None: `FromPoints`, or `FromCounts` for linear grey levels; alone: whether each parameter is tried by itself
+    if all together lead nowhere, as is always done for a single map; fixed: entries (map, column) that stay; camera:
+    whether the open values of the camera move as well, so that the result may have other levels. A fixed offset needs a
+    fixed matrix row, because matrices act about the attractor's mean.
     """
     params = objective.params.gauss_newton
     moving = [i for i in (moving if moving is not None else range(len(rendered.maps)))
               if not {(i, j) for j in range(6)} <= set(fixed)]
     if not moving or not params.enabled:
         return rendered
-    patience = PATIENCE if patience is None else patience
-    jacobian = jacobian or _usual_jacobian(objective.levels)
+    if jacobian is None and objective.levels.is_linear:
+        from .counts import FromCounts  # for such images alone
+
+        jacobian = FromCounts
+    jacobian = jacobian or FromPoints
     damping, idle = DAMPING, 0
     for number in range(steps):
         if deadline.passed or idle == patience:
@@ -99,19 +101,12 @@ def firmly_framed(objective: ImageObjective, found: Rendered, deadline: Deadline
     for factor in objective.params.frame.firm:
         if deadline.passed or best.error < FIRM_ABOVE * objective.noise(best.code):
             break
-        found = framed(objective, found, FIRM_STEPS, frame.firmer(factor), deadline=deadline)
+        firmer = replace(frame, sigma_px=frame.sigma_px / factor**0.5)
+        found = framed(objective, found, FIRM_STEPS, firmer, deadline=deadline)
         error = objective.framed_error(found)
         if error < least and found.error <= most and (hopeless(best.error) or not hopeless(found.error)):
             best, least = found, error
     return best
-
-
-def _usual_jacobian(levels: Levels) -> type[Jacobian]:
-    if levels.is_linear:
-        from .counts import FromCounts  # for such images alone
-
-        return FromCounts
-    return FromPoints
 
 
 def _stride(objective: ImageObjective, rendered: Rendered, jacobian: Jacobian, step: Tensor) -> Rendered | None:
@@ -131,9 +126,7 @@ def _one_by_one(objective: ImageObjective, rendered: Rendered, jacobian: Jacobia
     pixels, even the smallest step across it costs more than any step along it can gain."""
     steps = jacobian.solve_alone()
     taken = torch.zeros_like(steps)
-    for k, step in enumerate(steps):
-        if deadline.passed:
-            break
+    for k, step in deadline.during(enumerate(steps)):
         for factor in objective.params.gauss_newton.strides:
             further = taken.clone()
             further[k] = factor * step

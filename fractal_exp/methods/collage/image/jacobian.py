@@ -20,7 +20,7 @@ from ..limits import limited
 from .objective import Frame, ImageObjective, Rendered
 
 WEIGHT = 6                 # the column of a map's probability, after its six entries
-CAMERA = 7                 # stands for a value of the camera: (index of the value, CAMERA, step)
+CAMERA = 7                 # stands for a value of the camera: (index in `Levels.values`, CAMERA, step)
 LONGEST_PX = 2.0           # maximum step of a parameter, pixels of displacement
 LEAST_SPREAD = 1e-3        # canvas units, of the attractor's standard deviation: the unit of steps of a matrix
 LOG_STEP = 0.1             # in the logarithm of a probability, a gain or a gamma: counts as much as a pixel
@@ -54,7 +54,10 @@ class Jacobian(ABC):
         self.weights = rendered.weights
         self.units = [(i, j, pixel if j > 3 else pixel / spread[j % 2]) for i in moving for j in range(6)
                       if (i, j) not in fixed] + self.weight_units(moving)
-        self.units += self.camera_units(rendered.levels) if camera else []
+        if camera:  # lengths move by pixels, logarithms of other values by steps of `LOG_STEP`
+            levels = rendered.levels
+            self.units += [(levels.values.index(name), CAMERA, pixel if name in LENGTHS else LOG_STEP)
+                           for name in levels.open_values]
         count = len(self.units)
         self.square, self.gradient = torch.zeros(count, count).double(), torch.zeros(count).double()
         grids = self.grids(objective, rendered)
@@ -71,19 +74,11 @@ class Jacobian(ABC):
         """Probabilities that move too: (map, 6, step of their logarithm). None if the rendering saturates."""
         return []
 
-    def camera_units(self, levels: Levels) -> list[tuple[int, int, float]]:
-        """Open values of the camera, by their places in `Levels.values`: lengths move by pixels, logarithms of other
-        values by steps of `LOG_STEP`."""
-        pixel = 2 / self.side
-        return [(levels.values.index(name), CAMERA, pixel if name in LENGTHS else LOG_STEP)
-                for name in levels.open_values]
-
     def weighed(self, step: Tensor) -> Tensor | None:
         """The weights (N,) after a step; None if they are tied."""
         return self.weights
 
     def seen(self, objective: ImageObjective, step: Tensor) -> ImageObjective:
-        """The objective after a step of the camera."""
         levels = objective.levels
         moved = {levels.values[k]: value * unit for value, (k, j, unit) in zip(step.tolist(), self.units, strict=True)
                  if j == CAMERA}
@@ -109,14 +104,12 @@ class Jacobian(ABC):
         effects = self.square.diagonal()
         ridge = damping * effects + 1e-9 * effects.max() + 1e-12
         ridge[effects < self.least_effect * effects.max()] = 1e6 * effects.max()  # these stay
-        return self._limited(torch.linalg.solve(self.square + ridge.diag(), self.gradient))
+        step = torch.linalg.solve(self.square + ridge.diag(), self.gradient)
+        return step.clamp(-LONGEST_PX, LONGEST_PX)
 
     def solve_alone(self) -> Tensor:
         """The step of each parameter if only that one moves."""
-        return self._limited(self.gradient / self.square.diagonal().clamp_min(1e-12))
-
-    def _limited(self, step: Tensor) -> Tensor:
-        return step.clamp(-LONGEST_PX, LONGEST_PX)
+        return (self.gradient / self.square.diagonal().clamp_min(1e-12)).clamp(-LONGEST_PX, LONGEST_PX)
 
     def moved(self, step: Tensor) -> Tensor:
         """The maps (N,6) after a step. A matrix acts about the attractor's mean."""

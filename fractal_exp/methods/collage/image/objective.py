@@ -3,7 +3,6 @@ must fill the frame of the image. The frame constrains tips that are too faint t
 
 from __future__ import annotations
 
-import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -68,10 +67,7 @@ class ImageObjective(Comparison):
         return largest_for(torch.cov(lit.nonzero().T.double(), aweights=self.image[lit].double(), correction=0))
 
     def within(self, frame: Frame | None) -> ImageObjective:
-        """The same objective with this frame."""
-        other = copy.copy(self)
-        other.frame = frame
-        return other
+        return self._changed(frame=frame)
 
     def own_frame(self) -> Frame | None:
         """The frame that the image fills, or None."""
@@ -92,7 +88,6 @@ class ImageObjective(Comparison):
         return replace(rendered, error=rendered.error + misses / (self.lit[0] * len(self.lit)))
 
     def without(self, rendered: Rendered, gone: list[int]) -> Rendered:
-        """The code without some of its maps."""
         keep = [i for i in range(len(rendered.maps)) if i not in gone]
         return self.judge(rendered.maps[keep], None if rendered.weights is None else rendered.probabilities[keep])
 
@@ -187,10 +182,6 @@ class Frame:
             return None
         return cls(side)
 
-    def firmer(self, factor: float) -> Frame:
-        """The same frame with a larger weight."""
-        return replace(self, sigma_px=self.sigma_px / factor**0.5)
-
     def misfit(self, maps: Tensor, probabilities: Tensor) -> Tensor:
         """Misfit (3,) float64, pixels, of the attractor's visible box in the frame, for maps (N,6) and probabilities
         (N,): of its lower and upper end along its longer side, and of its centre along the other side."""
@@ -216,7 +207,8 @@ class Frame:
             mean = torch.linalg.solve(torch.eye(2, dtype=torch.float64) - average, weights @ offset)
             tips = [sign * _image(linear, offset, word, mean)[axis]
                     for word, axis, sign in zip(words, (0, 1, 0, 1), (1, 1, -1, -1), strict=True)]
-            misfit = self._misfit(*_box(tips))
+            right, top, left, bottom = tips
+            misfit = self._misfit(torch.stack([-left, -bottom]), torch.stack([right, top]))
             return torch.stack([torch.autograd.grad(each, moving, retain_graph=True)[0] for each in misfit])
 
     def _misfit(self, low: Tensor, high: Tensor) -> Tensor:
@@ -231,12 +223,6 @@ class Frame:
         size = misfit.abs() / BEYOND_PX
         value = torch.where(size < 1, size.square(), 2 * size - 1).sum() * (BEYOND_PX / self.sigma_px) ** 2
         return float(value), size.clamp_min(1).rsqrt() / self.sigma_px
-
-
-def _box(tips: list) -> tuple[Tensor, Tensor]:
-    """The lower and the upper corner, (2,) each, of a box from its reach to the right, top, left and bottom."""
-    right, top, left, bottom = (torch.as_tensor(tip, dtype=torch.float64) for tip in tips)
-    return torch.stack([-left, -bottom]), torch.stack([right, top])
 
 
 def _image(linear: Tensor, offset: Tensor, word: Tensor, point: Tensor) -> Tensor:

@@ -60,9 +60,7 @@ def descended(start: WeightedMaps, target: Exposed, steps: int, seed: int, deadl
     mass, similarity = target.mass or float(target.masses.sum()), InsideSsim(target.grey, target.shows)
     shares, towards, average = torch.full((SAMPLES, 1), 1 / SAMPLES), torch.zeros(side, side), None
     own, adjoint, begun = torch.empty(0, 2), Adjoint(side), deadline.used
-    for k in range(steps):
-        if deadline.passed:
-            break
+    for k in deadline.during(range(steps)):
         done = max((k + 1) / steps, (deadline.used - begun) / (1 - begun))
         if k % TOLD == 0:
             tell(_found(linear, centre, logs, mean, target.mass, mass))
@@ -75,7 +73,7 @@ def descended(start: WeightedMaps, target: Exposed, steps: int, seed: int, deadl
             points = own[torch.randint(len(own), (SAMPLES,), generator=g)]
         samples = torch.cat([points - mean, shares], 1).requires_grad_(len(own) > 0)
         with torch.enable_grad():
-            weights = _weights(logs, target.mass)
+            weights = logs.exp() if target.mass is None else logs.softmax(0)  # the sum is 1 if the mass is known
             drawn = mass * pushforward(torch.cat([linear, centre], 1)[None], weights[None], samples, side)[0]
         with torch.no_grad():
             drawing = filtered(drawn, BLUR)
@@ -110,11 +108,6 @@ def _found(linear: Tensor, centre: Tensor, logs: Tensor, mean: Tensor, known: fl
     weights = logs.detach().exp().clamp_min(LEAST_WEIGHT)
     total = mass if known else mass * float(weights.sum())
     return WeightedMaps(_maps(linear, centre, mean), weights / weights.sum()), total
-
-
-def _weights(logs: Tensor, mass: float | None) -> Tensor:
-    """The weights of logarithms (N,): with the sum 1 if the whole mass is given."""
-    return logs.exp() if mass is None else logs.softmax(0)
 
 
 def _maps(linear: Tensor, centre: Tensor, mean: Tensor) -> Tensor:

@@ -59,9 +59,8 @@ class Exposed:
 
     def points(self, count: int, generator: torch.Generator) -> Tensor:
         """Points (count,2) of the canvas, distributed as the masses, one in each of `count` equal parts of them."""
-        cumulative = self._cumulative
         places = (torch.arange(count) + torch.rand(count, generator=generator)) / count
-        pixels = torch.searchsorted(cumulative, places.to(cumulative)).clamp_max(len(cumulative) - 1)
+        pixels = torch.searchsorted(self._cumulative, places.double()).clamp_max(self.side**2 - 1)
         rows = torch.stack([pixels // self.side, pixels % self.side], 1)
         return pixel_to_canvas(rows + torch.rand(count, 2, generator=generator), self.side)
 

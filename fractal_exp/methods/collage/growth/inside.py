@@ -27,13 +27,13 @@ class InsideSsim:
         along = torch.arange(-RADIUS, RADIUS + 1) / SIGMA_PX
         window = (-along.square() / 2).exp()
         self.window = (window / window.sum()).tolist()
-        self.mean, square = self._averaged(torch.stack([self.grey, self.grey.square()]))
+        self.mean, square = filtered(torch.stack([self.grey, self.grey.square()]), self.window)
         self.variance = square - self.mean.square()
 
     def slope(self, shown: Tensor) -> Tensor:
         """The gradient (R,R) of the sum by an image (R,R)."""
         slope, part = torch.zeros_like(shown), shown[self.box]
-        mean, square, product = self._averaged(torch.stack([part, part.square(), part * self.grey]))
+        mean, square, product = filtered(torch.stack([part, part.square(), part * self.grey]), self.window)
         of_means, of_both = 2 * mean * self.mean + C1, 2 * (product - mean * self.mean) + C2
         means, both = mean.square() + self.mean.square() + C1, square - mean.square() + self.variance + C2
         each = self.inside / (means * both)
@@ -41,10 +41,6 @@ class InsideSsim:
         by_square, by_product = -ssim / both, 2 * each * of_means
         by_mean = 2 * each * self.mean * (of_both - of_means) + 2 * mean * ssim * (1 / both - 1 / means)
         # The window is even, so its transpose is itself.
-        by_mean, by_square, by_product = self._averaged(torch.stack([by_mean, by_square, by_product]))
+        by_mean, by_square, by_product = filtered(torch.stack([by_mean, by_square, by_product]), self.window)
         slope[self.box] = by_mean + 2 * part * by_square + self.grey * by_product
         return slope
-
-    def _averaged(self, images: Tensor) -> Tensor:
-        """Images (n,h,w) under the window."""
-        return filtered(images, self.window)

@@ -36,16 +36,12 @@ def paving(target: Exposed, count: int, seed: int = 0) -> WeightedMaps:
     cells = sorted((points[labels == label] for label in np.unique(labels)), key=len, reverse=True)
     cells = cells + cells[:1] * (count - len(cells))
     mean, (source, lengths) = points.mean(0), _axes(points, target.side)
-    linear = np.stack([_upright(directions * np.minimum(own / lengths, LARGEST) @ source.T)
+    linear = np.stack([directions * np.minimum(own / lengths, LARGEST) @ source.T
                        for directions, own in (_axes(cell, target.side) for cell in cells)])
+    linear[linear[:, 1, 1] < 0] *= -1
     offset = np.stack([cell.mean(0) for cell in cells]) - linear @ mean
     maps = torch.from_numpy(np.concatenate([linear.reshape(count, 4), offset], 1)).float()
     return WeightedMaps(maps, torch.tensor([len(cell) / len(points) for cell in cells]))
-
-
-def _upright(linear: np.ndarray) -> np.ndarray:
-    """A matrix (2,2), or its copy turned by half a turn, with the whole's upright direction up."""
-    return -linear if linear[1, 1] < 0 else linear
 
 
 def _axes(points: np.ndarray, side: int) -> tuple[np.ndarray, np.ndarray]:

@@ -22,7 +22,6 @@ class DrawnSearch(ImageSearch):
         return min(super().first_pruned(first), self.rooted(first), self.simpler(first, fewer), key=self.score)
 
     def last_polished(self, now: Candidate) -> Candidate:
-        """The code cleaned."""
         return self.cleaned(now)
 
     def is_settled(self, now: Candidate, moves: int) -> bool:

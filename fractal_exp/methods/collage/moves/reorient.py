@@ -42,16 +42,11 @@ def with_reorientation(tools: Tools, shown: Rendered, g: torch.Generator) -> Ren
     gone = small_maps(shown, g)
     rest, old = tools.objective.without(shown, gone), shown.maps[gone[0]]
     found = [tools.polished_last(with_new_map(tools, rest, shown, old, g), shown)]
-    if tools.params.lines.enabled and tools.objective.levels.is_graded and _is_line(tools, shown, old) \
-            and not tools.deadline.passed:
+    measure, side = tools.corrected_measure(shown).fine, tools.objective.image.shape[0]
+    is_line = thinness(old, measure) < THIN and 2 * side * extents(old, measure)[0] < WIDEST_PX
+    if is_line and tools.params.lines.enabled and tools.objective.levels.is_graded and not tools.deadline.passed:
         found += _reprojected(tools, rest, shown, gone[0])
     return min(found, key=error_of)
-
-
-def _is_line(tools: Tools, shown: Rendered, old: Tensor) -> bool:
-    """Whether the image of the map (6,) is thin, and at most `WIDEST_PX` wide."""
-    measure, side = tools.corrected_measure(shown).fine, tools.objective.image.shape[0]
-    return thinness(old, measure) < THIN and 2 * side * extents(old, measure)[0] < WIDEST_PX
 
 
 def _reprojected(tools: Tools, rest: Rendered, shown: Rendered, gone: int) -> list[Rendered]:
@@ -64,8 +59,7 @@ def _reprojected(tools: Tools, rest: Rendered, shown: Rendered, gone: int) -> li
     light = Light(objective.image, rest.image, objective.levels.supersample, params.camera.points_per_pixel)
     tried = [with_map(objective, rest, each, share)
              for each in profiled(shown.maps[gone], float(share), points, light, params.lines.count)]
-    return [tools.polished(each, STEPS, [len(each.maps) - 1]) for each in tried
-            if each.error < HOPEFUL * shown.error]
+    return [tools.polished(each, STEPS, [len(each.maps) - 1]) for each in tried if each.error < HOPEFUL * shown.error]
 
 
 class _Laid(NamedTuple):

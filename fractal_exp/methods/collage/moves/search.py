@@ -6,14 +6,11 @@ to nothing but are still seen, and small copies in a wrong orientation. A render
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import torch
-from torch import Tensor
 
-from ....runtime.deadline import NO_DEADLINE, Deadline
 from ....runtime.seeds import generator
 from ..image.gauss_newton import firmly_framed, fitted_into_frame, polished
 from ..image.jacobian import FromRenderings
@@ -23,7 +20,7 @@ from ..simplify.rounding import begun, with_simple_numbers
 from ..state import Candidate
 from .reorient import with_reorientation
 from .single import with_birth, with_removal, with_replacement, with_root, with_roots
-from .tools import Latest, Tools
+from .tools import Tools
 
 ACCEPTED_STEPS = 1      # Gauss-Newton steps of all maps after an accepted move
 SETTLED = 1.05          # noise ratio below which a code counts as the true one, and how much it rises
@@ -32,43 +29,15 @@ OTHER_OWN_WEIGHTS = 1.0   # `MoveParams.own_weights` of linear grey levels, whic
 RENDERED_RATIO = 1.1, 6.0   # noise ratios between which a Jacobian from renderings helps: above noise, and nearly right
 
 
-@dataclass(frozen=True)
-class Move:
-    """neighbour: another code, from a code and a random stream; is_open: whether the code admits the move."""
-
-    neighbour: Callable[[Tools, Rendered, torch.Generator], Rendered]
-    is_open: Callable[[Tools, Rendered], bool]
-
-
-def _may_gain(tools: Tools, shown: Rendered) -> bool:
-    n, params = len(shown.maps), tools.params
-    return n < (params.maps or params.most_maps or n + 1)
-
-
-def _has_others(tools: Tools, shown: Rendered) -> bool:
-    return len(shown.maps) > 1
-
-
-def _may_lose(tools: Tools, shown: Rendered) -> bool:
-    return len(shown.maps) > 2 and not tools.params.maps
-
-
-# The odds of a move in `MoveParams` have its name. A new move is a function that makes a neighbour, an entry here and
-# its odds there.
-MOVES = {"birth": Move(with_birth, _may_gain), "reorient": Move(with_reorientation, _has_others),
-         "replace": Move(with_replacement, _has_others), "remove": Move(with_removal, _may_lose),
-         "root": Move(with_root, _may_lose)}
+# Moves make another code, from a code and a random stream. The odds of a move in `MoveParams` have its name. A new move
+# is a function, an entry here and in `ImageSearch.odds`, and its odds there.
+MOVES = {"birth": with_birth, "reorient": with_reorientation, "replace": with_replacement, "remove": with_removal,
+         "root": with_root}
 
 
 class ImageSearch(Tools):
     """The search on an `ImageObjective`, from a candidate. Every random number derives from the seed and the move's
     number."""
-
-    def __init__(self, objective: ImageObjective, masses: Tensor, *, noise: float, seed: int = 0,
-                 deadline: Deadline = NO_DEADLINE):
-        super().__init__(objective, masses, noise=noise, seed=seed, deadline=deadline)
-        self.shown = Latest(lambda code: objective.judge(code.maps, code.weights))
-        self.noise = Latest(lambda code: objective.noise(code.code))
 
     # -- steps of the stage -------------------------------------------------------------------------------------------
 
@@ -77,8 +46,7 @@ class ImageSearch(Tools):
         free = found.probabilities if found.weights is None else found.weights
         tried = (None, free) if self.params.moves.own_weights else (None,)
         tried = tried[-1:] if self.objective.levels.is_linear else tried  # linear levels determine the weights
-        shown = [self.polished(self.refined(found.maps, weights), self.params.moves.polish_starts)
-                 for weights in tried]
+        shown = [self.polished(self.refined(found.maps, weights), self.params.moves.polish_starts) for weights in tried]
         return self.candidate(self.rooted(self.first_pruned(self._tied_if_as_good(shown[0], shown[-1]))))
 
     def first_pruned(self, first: Rendered) -> Rendered:
@@ -97,14 +65,22 @@ class ImageSearch(Tools):
     def step(self, now: Candidate, number: int) -> Candidate:
         """`now`, or a better neighbour."""
         g, shown = generator(self.seed, "picture step", number), self.shown(now)
-        odds = [float(getattr(self.params.moves, name) * move.is_open(self, shown)) for name, move in MOVES.items()]
+        odds = self.odds(len(shown.maps))
         if not any(odds):
             return now
-        chosen = list(MOVES.values())[int(torch.multinomial(torch.tensor(odds), 1, generator=g))]
-        new = chosen.neighbour(self, shown, g)
+        move = list(MOVES.values())[int(torch.multinomial(torch.tensor(odds), 1, generator=g))]
+        new = move(self, shown, g)
         if self.score(new) >= self.score(shown):
             return now
         return self.candidate(self.polished(new, ACCEPTED_STEPS))
+
+    def odds(self, maps: int) -> list[float]:
+        """Of each move; 0 of those that a code of so many maps does not admit."""
+        asked, most = self.params.maps, self.params.most_maps
+        may_lose = maps > 2 and not asked
+        is_open = {"birth": maps < (asked or most or maps + 1), "reorient": maps > 1, "replace": maps > 1,
+                   "remove": may_lose, "root": may_lose}
+        return [float(getattr(self.params.moves, name) * is_open[name]) for name in MOVES]
 
     def cleaned(self, now: Candidate) -> Candidate:
         """Prune and polish the code for many steps; keep the result if it is better."""
@@ -124,7 +100,6 @@ class ImageSearch(Tools):
         return self.firmly_polished(self.shown(self.last_polished(now)))
 
     def firmly_polished(self, shown: Rendered) -> Candidate:
-        """The code polished firmly in the frame of a binary image."""
         return self.candidate(firmly_framed(self.objective, shown, self.deadline))
 
     def last_polished(self, now: Candidate) -> Candidate:
@@ -153,7 +128,6 @@ class ImageSearch(Tools):
         return self.candidate(self.objective.judge(found.shown.maps, found.shown.weights)) if found.fixed else None
 
     def judged(self, candidate: Candidate) -> Candidate:
-        """The candidate with its error and score by this objective."""
         return self.candidate(self.objective.judge(candidate.maps, candidate.weights))
 
     def is_settled(self, now: Candidate, moves: int) -> bool:

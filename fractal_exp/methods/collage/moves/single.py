@@ -108,7 +108,10 @@ def with_new_map(tools: Tools, rest: Rendered, shown: Rendered, old: Tensor | No
             lines = narrowed(born, measure, WIDTHS[-1])
             renderings += [with_map(objective, rest, each, affine.volumes(each[None])[0] / volume) for each in lines]
     else:
-        born = _born(tools, measure, explained, g)
+        births = tools.params.births
+        wanted = (measure.bins.clamp_min(0).sqrt() - explained.clamp_min(0).sqrt()).square() + 1e-12
+        place = wanted if births.residual else measure.bins
+        born = candidates(place, wanted, measure, SIZES, CANDIDATES, BLOBS, births, g)
     background, coarsely = explained[None], halve(explained[None], coarse.size)
     lacking = (measure.bins - explained).clamp_min(0).sum()
     weights = (affine.volumes(born) / volume).clamp_max(lacking).clamp_min(1e-6)
@@ -135,13 +138,6 @@ def with_map(objective: ImageObjective, rest: Rendered, born: Tensor, weight: Te
 def small_maps(shown: Rendered, g: torch.Generator, count: int = 1) -> list[int]:
     """Indices of random maps, small ones preferred."""
     return torch.multinomial(1 / affine.volumes(shown.maps).cpu(), count, generator=g).tolist()
-
-
-def _born(tools: Tools, measure: BinnedMeasure, explained: Tensor, g: torch.Generator) -> Tensor:
-    births = tools.params.births
-    wanted = (measure.bins.clamp_min(0).sqrt() - explained.clamp_min(0).sqrt()).square() + 1e-12
-    place = wanted if births.residual else measure.bins
-    return candidates(place, wanted, measure, SIZES, CANDIDATES, BLOBS, births, g)
 
 
 def _rendered(tools: Tools, rest: Rendered, measure: BinnedMeasure, born: Tensor, weights: Tensor

@@ -48,7 +48,6 @@ class Latest(Generic[Value]):
         return self.kept[numbers]
 
     def keep(self, code: WeightedMaps, value: Value) -> None:
-        """Keep a value that is known already."""
         self.kept = {_numbers(code): value}
 
 
@@ -92,9 +91,9 @@ class CorrectedMeasure:
 
 
 class Tools:
-    """The objective, the price of a map, the deadline, and what is made of a code: polished and pruned ones, and the
-    image's measure, corrected for saturation. masses (R,R): of the image; noise: error between two renderings of one
-    code."""
+    """The objective, the price of a map, the deadline, and what is made of a code: its rendering, the noise of one,
+    polished and pruned codes, and the image's measure, corrected for saturation. masses (R,R): of the image; noise:
+    error between two renderings of one code."""
 
     def __init__(self, objective: ImageObjective, masses: Tensor, *, noise: float, seed: int = 0,
                  deadline: Deadline = NO_DEADLINE):
@@ -105,6 +104,8 @@ class Tools:
         self.price, self.deadline = Price(self.params.moves.price * noise, worth), deadline
         self.corrected_measure = Latest(
             lambda code: CorrectedMeasure.of(masses, code, objective, derive(seed, "correct")))
+        self.shown = Latest(lambda code: objective.judge(code.maps, code.weights))
+        self.noise = Latest(lambda code: objective.noise(code.code))
 
     def score(self, rendered: Rendered) -> float:
         """The error plus the price of the maps; lower is better."""
@@ -112,11 +113,9 @@ class Tools:
         return self.price.score(rendered.error, len(rendered.maps)) + MISSING * missing
 
     def pruned(self, rendered: Rendered) -> Rendered:
-        """The code without maps that are not worth their price."""
         return pruned(self.objective, rendered, self.price, self.deadline)
 
     def polished(self, rendered: Rendered, steps: int, moving: Sequence[int] | None = None) -> Rendered:
-        """The code after at most `steps` Gauss-Newton steps."""
         return polished(self.objective, rendered, steps, moving, deadline=self.deadline)
 
     def polished_last(self, new: Rendered, shown: Rendered) -> Rendered:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from ...ifs.affine import largest_singular, smaller_singular, to_code
+from ...ifs.affine import largest_singular, to_code
 from ...ifs.contraction import NEITHER
 from ...ops.collage.reference import contract
 
@@ -19,11 +19,6 @@ def largest_for(covariance: Tensor) -> float:
     says nothing of what maps do across it, so they may not stretch there."""
     width, length = torch.linalg.eigvalsh(covariance.double()).clamp_min(0).sqrt().tolist()
     return LARGEST if width >= THIN * length else SMALLER
-
-
-def within_limits(maps: Tensor) -> Tensor:
-    """Which maps (…,6) have singular values within the limits."""
-    return (largest_singular(maps) <= LARGEST) & (smaller_singular(maps) <= SMALLER)
 
 
 def limited(maps: Tensor, weights: Tensor | None = None, largest: float = LARGEST) -> Tensor:

@@ -17,7 +17,7 @@ from ....cameras.points import attractor_points
 from ....ifs import affine
 from ....runtime.seeds import derive
 from ..image.objective import ImageObjective, Rendered
-from ..limits import SMALLER, within_limits
+from ..limits import LARGEST, SMALLER
 from .loop import DRAWN_WORSE
 
 RATIOS = (((5**0.5 - 1) / 2) ** 2,)   # further simple ratios of a similarity: the squared inverse of the golden ratio
@@ -119,7 +119,6 @@ class Line:
     fixed: frozenset[int]
 
     def moved(self, entry: int, value: float) -> Line:
-        """The line with another value of an entry."""
         one = self.one.clone()
         one[entry] = value
         return replace(self, one=one)
@@ -148,7 +147,8 @@ class Spread:
         moved = (((simple - old) @ self.covariance) * (simple - old)).sum((-2, -1)).sqrt()
         near = self._with(one, simple[moved.argmin()])
         small = float(moved.min()) <= self.precision.near_px * min(self.pixel, 2 / LEAST_SIDE)
-        return near if small and bool(within_limits(near)) else None
+        fits = (affine.largest_singular(near) <= LARGEST) & (affine.smaller_singular(near) <= SMALLER)
+        return near if small and bool(fits) else None
 
     def lines(self, one: Tensor) -> Iterator[Line]:
         """If the map's (6,) image is a line along an axis, lines that project either axis of the plane onto it, both

@@ -40,30 +40,25 @@ def other_least_turned_code(draft: Draft) -> Iterator[Draft]:
 
 
 def symmetries(image: Tensor, params: RoundingParams) -> list[Tensor]:
-    """The symmetries (6,) of the shape in an image (R,R) about its centroid, the identity first. A map counts as a
-    symmetry if the F1 within a pixel between shape and mapped shape is at least `LIKENESS`. Without
+    """The symmetries (6,) of the shape in an image (R,R) about its centroid, the identity first: rotations and
+    reflections for which the F1 within a pixel between shape and mapped shape is at least `LIKENESS`. Without
     `params.symmetries`, the identity alone."""
+    turns = sorted({0.0, *(round(math.tau * k / n, 9) for n in ORDERS for k in range(n))})
+    mirrors = torch.arange(0, 180, AXES_DEGREES).deg2rad().mul(2).tolist()
+    tried = [_rotation(angle, 1.0) for angle in turns] + [_rotation(angle, -1.0) for angle in mirrors]
     mask = (image > LIT_ABOVE).float()
     side = len(image)
     axis = (torch.arange(side) + 0.5) * 2 / side - 1
     centre = torch.stack([(image.sum(0) * axis).sum(), -(image.sum(1) * axis).sum()]) / image.sum()
     about = [torch.cat([matrix.flatten(), centre - matrix @ centre])
-             for matrix in (_tried() if params.symmetries else [_rotation(0.0, 1.0)])]
+             for matrix in (tried if params.symmetries else tried[:1])]
     return [about[0], *(each for each in about[1:] if _likeness(mask, each) >= LIKENESS)]
 
 
 def least_turned(maps: Tensor, group: list[Tensor]) -> Tensor:
     """The maps (N,6), each preceded by the symmetry of the group with which it rotates least. A reflection counts as
     more than any rotation."""
-    return torch.stack([min((affine.composed(one, symmetry.to(one)) for symmetry in group), key=_turn)
-                        for one in maps])
-
-
-def _tried() -> list[Tensor]:
-    """Rotations and reflections (2,2), the identity first."""
-    turns = sorted({0.0, *(round(math.tau * k / n, 9) for n in ORDERS for k in range(n))})
-    mirrors = torch.arange(0, 180, AXES_DEGREES).deg2rad().mul(2).tolist()
-    return [*(_rotation(angle, 1.0) for angle in turns), *(_rotation(angle, -1.0) for angle in mirrors)]
+    return torch.stack([min((affine.composed(one, symmetry.to(one)) for symmetry in group), key=_turn) for one in maps])
 
 
 def _rotation(angle: float, sign: float) -> Tensor:

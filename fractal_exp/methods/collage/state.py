@@ -62,7 +62,6 @@ class WeightedMaps:
 
     @property
     def code(self) -> IFS:
-        """The code of the maps."""
         return to_code(self.maps, self.weights)
 
 
@@ -143,7 +142,6 @@ class State:
         return self.before or self.best
 
     def has_done(self, key: Key) -> bool:
-        """Whether this stage is done."""
         return self.done is not None and key.place <= self.done.place
 
     def begun(self, first: Callable[[], Candidate]) -> State:
@@ -151,22 +149,18 @@ class State:
         return self if self.current is not None else replace(self, current=first())
 
     def moved(self, candidate: Candidate) -> State:
-        """The state after a move."""
         step, halved = self.step + 1, self.halved or (0, self.now.error)
         if candidate.error <= halved[1] / 2:
             halved = step, candidate.error
         return replace(self, current=candidate, step=step, halved=halved)
 
     def closed(self, key: Key) -> State:
-        """The state after a stage."""
         return replace(self, done=key, step=0, current=None, halved=None)
 
     def pool_with(self, maps: Tensor) -> Tensor:
-        """The pool with more maps (n,6)."""
         return maps if self.pool is None else torch.cat([self.pool, maps])
 
     def snapshot(self) -> Snapshot:
-        """The snapshot that a checkpoint stores."""
         kept = {name: each for name in CANDIDATES if (each := getattr(self, name)) is not None}
         tensors = {f"{name}/maps": each.maps for name, each in kept.items()}
         tensors |= {f"{name}/weights": each.weights for name, each in kept.items() if each.weights is not None}

@@ -14,7 +14,7 @@ from torch import Tensor
 
 from ....ifs import affine
 from ....ifs.canvas import pixel_to_canvas
-from ....ops.collage import BinnedMeasure, Descent, descend, pushforward
+from ....ops.collage import Descent, descend, pushforward
 from ....runtime.seeds import generator
 from ..bins import binned, grid_for
 from ..params import CollageParams
@@ -37,7 +37,10 @@ class Population:
     def __init__(self, masses: Tensor, count: int, params: CollageParams, seed: int = 0):
         self.params, self.count, self.seed = params.population, count, seed
         self.reflections = params.births.reflections
-        self.measure = _without_faint(binned(masses, grid_for(masses.shape[0], GRID)))
+        measure = binned(masses, grid_for(masses.shape[0], GRID))
+        samples = measure.samples[measure.samples[:, 2] > FAINT / measure.size**2].clone()
+        samples[:, 2] /= samples[:, 2].sum()
+        self.measure = replace(measure, samples=samples)  # without faint samples: there are many, and they tell little
         self.generation = 0
         first = self._descended(*self._random(self.params.first, generator(seed, "first")))
         self.maps, self.weights, self.errors = (each[:self.params.size] for each in _sorted(*first))
@@ -103,11 +106,3 @@ def _sorted(maps: Tensor, weights: Tensor, errors: Tensor) -> tuple[Tensor, Tens
     """Best first."""
     order = errors.argsort()
     return maps[order], weights[order], errors[order]
-
-
-def _without_faint(measure: BinnedMeasure) -> BinnedMeasure:
-    """The measure without faint samples: there are many, and they tell little."""
-    mass = measure.samples[:, 2]
-    samples = measure.samples[mass > FAINT / measure.size**2].clone()
-    samples[:, 2] /= samples[:, 2].sum()
-    return replace(measure, samples=samples)

@@ -18,7 +18,7 @@ from ..image.objective import ImageObjective, Rendered
 from ..measure.search import MeasureSearch, Regime
 from ..simplify.loop import Price
 from ..state import Candidate, State
-from ..trees.registration import Registration, misfit_of
+from ..trees.registration import Registration
 from ..trees.trunk import with_trunk
 from .base import SearchProblem, Stage
 
@@ -109,8 +109,9 @@ class Construction(Stage):
         if not seen:
             return now
         best = self._candidate(*in_turns(*seen[0], self.deadline))
-        is_construction = best.error < self._error_to_beat(now) and self._is_explained(best)
-        return best if is_construction or self.is_simpler(best, now) else now
+        to_beat = now.error if self._is_explained(now) else math.inf if self._has_tiles else STROKED * now.error
+        is_better = best.error < to_beat and self._is_explained(best)
+        return best if is_better or self.is_simpler(best, now) else now
 
     def _as_strokes(self, few: Rendered) -> list[Fit]:
         """The copies of a code with a trunk of several strokes or of one, polished as strokes, the best first. A small
@@ -132,7 +133,7 @@ class Construction(Stage):
     def _registered(self, trees: list[Rendered]) -> list[Rendered]:
         """The trees at the depths at which their strokes come closest to the lines of the picture."""
         registration = Registration(self.objective, self.deadline)
-        fits = sorted((each for tree in trees for each in registration.fits(tree)), key=misfit_of)
+        fits = sorted((each for tree in trees for each in registration.fits(tree)), key=lambda each: each.misfit)
         return [self.objective.judge(each.maps.to(self.objective.image)) for each in fits[:REGISTERED_KEPT]]
 
     def _trees(self, found: Rendered, most: int) -> list[Rendered]:
@@ -170,16 +171,9 @@ class Construction(Stage):
         seed = derive(self.problem.seed, "recursion", number)
         search = MeasureSearch(masses, Regime.whole(few), few, seed, CONTRACTION)
         found = search.start()
-        for move in range(few.search.moves):
-            if self.deadline.passed:
-                break
+        for move in self.deadline.during(range(few.search.moves)):
             found = search.step(found, move)
         return self.objective.judge(found.maps)
-
-    def _error_to_beat(self, now: Candidate) -> float:
-        if self._is_explained(now):
-            return now.error
-        return float("inf") if self._has_tiles else STROKED * now.error
 
     @property
     def _has_tiles(self) -> bool:

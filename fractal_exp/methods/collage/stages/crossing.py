@@ -44,7 +44,6 @@ class Crossing:
             self._advance(number)
 
     def start(self) -> Candidate:
-        """The best set of the first population."""
         return self._judged(0).candidate()
 
     def step(self, now: Candidate, number: int) -> Candidate:
@@ -53,17 +52,17 @@ class Crossing:
             self._begin(number // self.params.generations)
         new = [self._judged(i) for i in self._advance(number)]
         new.sort(key=lambda rendered: rendered.error)
-        for each in new[:POLISHED]:
-            if not self.deadline.passed:
-                now = min(now, self._polished(each).candidate(), key=lambda candidate: candidate.error)
+        for each in self.deadline.during(new[:POLISHED]):
+            found = polished(self.objective, each, FIRST_POLISH, deadline=self.deadline)
+            if found.error <= HOPEFUL * each.error:
+                found = polished(self.objective, found, POLISH, deadline=self.deadline)
+            now = min(now, found.candidate(), key=lambda candidate: candidate.error)
         return now
 
     def is_settled(self, now: Candidate) -> bool:
-        """Whether the code explains the image."""
         return now.error <= SETTLED * self.noise(now)
 
     def _begin(self, number: int) -> None:
-        """Start a new population."""
         self.number = number
         assert self.all.maps is not None, "populations are for a given number of maps"
         self.population = Population(self.masses, self.all.maps, self.all, derive(self.seed, "population", number))
@@ -81,12 +80,6 @@ class Crossing:
 
     def _judged(self, i: int) -> Rendered:
         return self.objective.judge(self.population.maps[i], self.population.probabilities[i])
-
-    def _polished(self, first: Rendered) -> Rendered:
-        found = polished(self.objective, first, FIRST_POLISH, deadline=self.deadline)
-        if found.error > HOPEFUL * first.error:
-            return found
-        return polished(self.objective, found, POLISH, deadline=self.deadline)
 
 
 class Populations(Stage):

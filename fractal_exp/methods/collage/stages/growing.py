@@ -5,13 +5,11 @@ from __future__ import annotations
 import math
 from functools import cached_property
 
-from torch import Tensor
-
 from ....cameras.camera import Camera
 from ....cameras.comparison import WITHIN_NOISE
 from ....cameras.estimate import showing
 from ....cameras.kinds import kind_of
-from ....cameras.levels import Levels, may_be_density
+from ....cameras.levels import may_be_density
 from ....likeness import FEW_MAPS, share_inside
 from ....runtime.deadline import NO_DEADLINE, Deadline
 from ....runtime.seeds import derive
@@ -28,8 +26,11 @@ class Grower:
     def __init__(self, problem: SearchProblem, seed: int = 0):
         self.problem, self.seed, self.image = problem, seed, problem.image
         self.on_the_way: Found | None = None
-        self.levels = _drawn_by(problem.levels, problem.image)
-        self.target = Exposed.of(problem.image, self.levels)
+        levels = problem.levels
+        densities = [] if levels.is_exact else [kind for kind in levels.kinds if kind_of(kind).is_density]
+        if densities:  # grown maps are drawn as a density wherever the image may have one
+            levels = kind_of(densities[0])(levels.params, self.image, kinds=(densities[0],)).within(levels.known)
+        self.levels, self.target = levels, Exposed.of(self.image, levels)
 
     def grown(self, count: int, deadline: Deadline = NO_DEADLINE, share: float = 1.0) -> Grown:
         """`count` maps that have moved together, for this share of the steps."""
@@ -96,11 +97,3 @@ class Grower:
                        gamma=levels.curve.gamma if levels.is_curved else None,
                        blur=2 * (BLUR_PX / side if blur is None else blur / len(self.image)))
         return found if self.is_grey else showing(self.image, levels, maps.code, self.seed) or found
-
-
-def _drawn_by(levels: Levels, image: Tensor) -> Levels:
-    """Those that draw grown maps on an image (R,R): of a density, if the image may have one, or else these."""
-    kinds = [kind for kind in levels.kinds if kind_of(kind).is_density]
-    if levels.is_exact or not kinds:
-        return levels
-    return kind_of(kinds[0])(levels.params, image, kinds=(kinds[0],)).within(levels.known)

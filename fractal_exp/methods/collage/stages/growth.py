@@ -25,6 +25,7 @@ class Growth(Stage):
 
     name = "growth"
     is_last_word = True
+    descent_ends = 1.0   # share of the time limit at which the descent of a set ends
 
     def __init__(self, problem: SearchProblem, number: int = 0, restart: float = 0):
         super().__init__(problem, number, restart)
@@ -55,11 +56,6 @@ class Growth(Stage):
         """No deadline: even if time is up, there is at least a plain paving. Its refinement ends in time."""
         return NO_DEADLINE
 
-    @property
-    def limit(self) -> Deadline:
-        """When the descent of a set ends."""
-        return self.problem.deadline
-
     def is_wanted(self, state: State) -> bool:
         found = state.searched
         if found is None or state.current is not None:
@@ -74,7 +70,8 @@ class Growth(Stage):
     def move(self, state: State) -> State:
         is_late = self.problem.deadline.until(SKETCH_ENDS).passed  # no time is left for more than one
         count = self._missing(state)[-1 if is_late else 0]
-        grown = self.grower.grown(count, self.limit, 1.0 if count == self._last or self.params.likeness else SHORTENED)
+        share = 1.0 if count == self._last or self.params.likeness else SHORTENED
+        grown = self.grower.grown(count, self.problem.deadline.until(self.descent_ends), share)
         return replace(state.moved(grown.candidate), curve=(*state.curve, grown))
 
     def is_settled(self, state: State) -> bool:
@@ -94,17 +91,13 @@ class Growth(Stage):
         if found is not None and self.params.maps in (None, len(found.maps)) and (
                 not is_worth_its_maps(chosen, found, self._likeness(found))):
             return replace(state, best=found, before=None)
-        return replace(state, best=self._judged(chosen), before=None,
+        problem, seed = self.problem, derive(self.problem.seed, "grown")
+        objective = problem.objective(len(problem.image), chosen.code, seed, camera=chosen.camera)
+        best = objective.judge(chosen.maps, chosen.weights).candidate(chosen.camera)
+        return replace(state, best=best, before=None,
                        stopped=f"{len(chosen.maps)} maps were grown, likeness {chosen.likeness:.3f}")
 
-    def _judged(self, grown: Grown) -> Candidate:
-        """Grown maps with the error of what their camera draws."""
-        problem, seed = self.problem, derive(self.problem.seed, "grown")
-        objective = problem.objective(len(problem.image), grown.code, seed, camera=grown.camera)
-        return objective.judge(grown.maps, grown.weights).candidate(grown.camera)
-
     def _likeness(self, found: Candidate) -> float:
-        """The likeness of what the search found."""
         return self.grower.likeness(found, self.problem.camera_of(found))
 
     def _missing(self, state: State) -> list[int]:
@@ -135,6 +128,7 @@ class Sketch(Growth):
 
     name = "sketch"
     is_last_word = False
+    descent_ends = SKETCH_ENDS
 
     @staticmethod
     def may_help(problem: SearchProblem) -> bool:
@@ -152,10 +146,6 @@ class Sketch(Growth):
     @property
     def deadline(self) -> Deadline:
         return self.problem.deadline.until(SKETCH_ENDS)
-
-    @property
-    def limit(self) -> Deadline:
-        return self.deadline
 
     def is_wanted(self, state: State) -> bool:
         return True

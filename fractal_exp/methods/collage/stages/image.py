@@ -90,11 +90,8 @@ class ImageMoves(Stage):
     def is_settled(self, state: State) -> bool:
         idle = state.step - (state.halved[0] if state.halved else 0)
         stuck = state.step >= self.expected_moves and idle >= self.recent
-        return stuck or self._is_late(state) or self.search.is_settled(state.now, state.step)
-
-    def _is_late(self, state: State) -> bool:
-        """Whether the remaining time is better spent on growth."""
-        return self._grows_soon and self.search.objective.is_hopeless(state.now.error)
+        is_late = self._grows_soon and self.search.objective.is_hopeless(state.now.error)  # growth needs the time
+        return stuck or is_late or self.search.is_settled(state.now, state.step)
 
     @property
     def _grows_soon(self) -> bool:

@@ -28,16 +28,13 @@ class Plan:
 
     @property
     def stages(self) -> list[Stage]:
-        """All stages in order."""
         return [*chain(*self.rounds), *self.last]
 
     def round(self, number: int) -> list[Stage]:
-        """The stages of a round."""
         approach = [Approach(self.problem, number)] if self.problem.is_reduced else []
         return [*self.search(number), *approach, *self.moves(number)]
 
     def search(self, number: int) -> list[Stage]:
-        """Those that search on the image's measure."""
         restarts = [Restart(self.problem, number, restart) for restart in range(self.problem.restarts(number))]
         return [*restarts, FromMixture(self.problem, number), Detail(self.problem, number)]
 

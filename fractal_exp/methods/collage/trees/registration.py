@@ -40,11 +40,6 @@ class Registered(NamedTuple):
     misfit: float
 
 
-def misfit_of(registered: Registered) -> float:
-    """Sort key: the misfit."""
-    return registered.misfit
-
-
 class _Tree(NamedTuple):
     """The maps (N,6) that copy a drawing, and the segments (S,2,2), pairs of ends, with which it begins."""
 
@@ -96,13 +91,10 @@ class Registration:
         segments = segments[_lengths(segments) >= self.pixel]
         if len(copies) < 2 or not len(segments) or len(self.points) < 2:
             return []
-        tree, fits = _Tree(copies, segments), []
-        for depth in range(1, self._deepest(tree) + 1):
-            if self.deadline.passed:
-                break
-            fits.append(self.fitted(tree, depth))
+        tree = _Tree(copies, segments)
+        fits = [self.fitted(tree, depth) for depth in self.deadline.during(range(1, self._deepest(tree) + 1))]
         kept = (each for each in fits if len(parts_of(affine.to_code(each.maps))[1]) == len(copies))
-        return sorted(kept, key=misfit_of)
+        return sorted(kept, key=lambda each: each.misfit)
 
     def _deepest(self, tree: _Tree) -> int:
         """The depth at which there are too many strokes, or at which all of them are too short to see."""
@@ -116,9 +108,7 @@ class Registration:
     def fitted(self, tree: _Tree, depth: int) -> Registered:
         """The tree registered at one depth."""
         pairs, damping = self._pairs(tree, depth), DAMPING
-        for _ in range(STEPS):
-            if self.deadline.passed:
-                break
+        for _ in self.deadline.during(range(STEPS)):
             reach = max(REACH_PX * self.pixel, *(FAR * np.median(each.distances) for each in pairs))
             before, (square, gradient) = _cost(pairs, reach), _normal_equations(pairs, reach)
             for _ in range(TRIES):

@@ -12,6 +12,7 @@ from torch import Tensor
 
 from ....cameras.strokes import extent, flat_maps, onto_segment
 from ....ifs import affine, attractor
+from ....ifs.canvas import canvas_to_pixel, pixel_to_canvas
 from ....ops.collage.reference import contract
 from ....runtime.seeds import derive
 from ..image.objective import ImageObjective, Rendered
@@ -66,8 +67,7 @@ def middle_of(shape: Tensor) -> Tensor:
 
 def positions(shape: Tensor) -> Tensor:
     """Positions (n,2) on the canvas of the pixels of a mask (R,R)."""
-    row, column = shape.nonzero().double().T + 0.5
-    return torch.stack([2 * column / len(shape) - 1, 1 - 2 * row / len(shape)], 1)
+    return pixel_to_canvas(shape.nonzero().double() + 0.5, len(shape))
 
 
 def _left_over(shape: Tensor, points: Tensor, copies: Tensor) -> Tensor:
@@ -75,10 +75,8 @@ def _left_over(shape: Tensor, points: Tensor, copies: Tensor) -> Tensor:
     from scipy.ndimage import distance_transform_edt
 
     side = len(shape)
-    linear, offset = copies[:, :4].unflatten(1, (2, 2)).double().cpu(), copies[:, None, 4:].double().cpu()
-    images = (points @ linear.transpose(1, 2) + offset).flatten(0, 1)
-    images = images[(images.abs() < 1).all(1)]
-    column, row = ((images * images.new_tensor([1, -1]) + 1) * (side / 2)).long().unbind(1)
+    images = affine.images(copies.double().cpu(), points).flatten(0, 1)
+    row, column = canvas_to_pixel(images[(images.abs() < 1).all(1)], side).long().unbind(1)
     drawn = torch.zeros(side, side, dtype=torch.bool)
     drawn[row, column] = True
     if not bool(drawn.any()):
@@ -103,7 +101,8 @@ def _segments(mask: Tensor, shape: Tensor, most: int, seed: int) -> list[Segment
         start, end = along.min(), along.max()
         if end - start < LEAST_PX:
             break
-        found.append(tuple(_on_canvas(middle + place * direction, len(mask)) for place in (start, end)))
+        ends = torch.from_numpy(np.stack([middle + place * direction for place in (start, end)]))
+        found.append(tuple(pixel_to_canvas(ends, len(mask))))
         place = (left - middle) @ direction
         beside = np.linalg.norm(left - middle - place[:, None] * direction, axis=1)
         width = 2 * LINE_PX
@@ -138,11 +137,6 @@ def _is_lit(lit: np.ndarray, start: np.ndarray, end: np.ndarray) -> bool:
     """Whether all pixels between two places are lit."""
     row, column = np.linspace(start, end, math.ceil(np.abs(end - start).max()) + 1).astype(int).T
     return bool(lit[row, column].all())
-
-
-def _on_canvas(pixel: np.ndarray, side: int) -> Tensor:
-    """The position on the canvas of a (row, column)."""
-    return torch.tensor([2 * pixel[1] / side - 1, 1 - 2 * pixel[0] / side], dtype=torch.float64)
 
 
 def flat_maps_onto(segments: Sequence[Segment], copies: Tensor, points: Tensor) -> Tensor:

@@ -33,7 +33,6 @@ examples
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """The command line."""
     parser = command_parser("fractal-dataset", DESCRIPTION)
     parser.add_argument("codes", nargs="+", help="a folder of files of codes, a file with one or several, FILE:NAME, a "
                         "classic, suite:INDEX, or random:COUNT or random:COUNT:SEED for so many codes as in the suite")
@@ -54,7 +53,6 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def write_dataset(options: argparse.Namespace) -> None:
-    """Write what the command line asks for."""
     from ..datasets import Fractals, write
     from ..runtime.bars import progress_bar
 

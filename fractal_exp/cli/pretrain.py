@@ -45,8 +45,9 @@ def _pretrain(config: DictConfig, held: ExitStack) -> dict[str, float]:
     runs: NoRuns = configuration.build(config.tracking)
     identity = {"pretraining": settings["pretraining"], "device": config.device}
     name = training.method.name
+    variant = "-as-released" if training.recipe().get("as_released") else ""
     folder = FitFolder.open(Path(config.output) / config.study,
-                            config.name or f"{name}{_variant(training)}-{config.scale}-seed{config.seed}")
+                            config.name or f"{name}{variant}-{config.scale}-seed{config.seed}")
     held.enter_context(folder.alone())
     if config.resume and (scores := folder.finished_scores(identity)):
         weights.load(_path(training, folder), name)  # they may be gone, or damaged
@@ -85,10 +86,6 @@ def _keep(training: CodeTraining, trained: Trained, folder: FitFolder, seconds: 
     path = weights.save(_path(training, folder), training.method.name, trained.tensors, recipe, trained.scores)
     weights.load(path, training.method.name).fill(training.method.built(recipe))
     return path
-
-
-def _variant(training: CodeTraining) -> str:
-    return "-as-released" if training.recipe().get("as_released") else ""
 
 
 def _path(training: CodeTraining, folder: FitFolder) -> Path:

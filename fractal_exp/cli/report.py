@@ -18,7 +18,6 @@ examples
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """The command line."""
     parser = command_parser("fractal-report", DESCRIPTION)
     parser.add_argument("study", help="the study: ablations, comparisons, …")
     parser.add_argument("--sweep", help="which of its sweeps, by name or run (default: the newest)")
@@ -28,7 +27,6 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def report_sweep(options: argparse.Namespace) -> None:
-    """Report on the sweep that the command line names."""
     from .. import tracking
     from ..studies import report
     from ..studies.writing import write

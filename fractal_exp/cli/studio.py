@@ -23,7 +23,6 @@ examples
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """The command line."""
     parser = command_parser("fractal-studio", DESCRIPTION)
     parser.add_argument("--port", type=int, default=8421, help="of this machine; 0: any that is free")
     parser.add_argument("--output", metavar="FOLDER", default="outputs/studio", help="that codes are saved in")
@@ -32,7 +31,6 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def offer(options: argparse.Namespace) -> None:
-    """Do what the command line asks for."""
     from ..studio.serving import serve
 
     threads.use(1)  # the search has a process of its own

@@ -29,7 +29,6 @@ examples
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """The command line."""
     parser = command_parser("fractal-suite", DESCRIPTION)
     parser.add_argument("folder", help="where to write")
     parser.add_argument("--count", type=int, default=COUNT, help="how many fractals")
@@ -42,7 +41,6 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def write_suite(options: argparse.Namespace) -> None:
-    """Write what the command line asks for."""
     from torch.nn.functional import adaptive_avg_pool2d
 
     from ..ifs import attractor

@@ -17,11 +17,6 @@ from .composed import done, run
 STUDIES = Path(str(files("fractal_exp.sweeps")))
 
 
-def study_names() -> list[str]:
-    """The studies that come with the package."""
-    return sorted(path.stem for path in STUDIES.glob("*.yaml"))
-
-
 def main() -> None:
     """The command line: the first word names the study, the rest is Hydra's; the exit status tells of failed jobs."""
     try:
@@ -46,7 +41,7 @@ def _arguments(given: list[str]) -> list[str]:
     """Hydra's arguments for ours."""
     if not {"--help", "-h", "--hydra-help", "--version"}.isdisjoint(given):
         return given
-    known = study_names()
+    known = sorted(path.stem for path in STUDIES.glob("*.yaml"))
     name, *rest = given or [""]
     if not name or name.startswith("-") or "=" in name:
         raise InputError(f"name a study first: {', '.join(known)}, or one of your own with --config-dir FOLDER; "

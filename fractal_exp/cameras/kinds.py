@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from importlib import import_module
 
 from torch import Tensor
@@ -40,25 +39,21 @@ def beside(name: str) -> list[str]:
 def levels_of(image: Tensor, meaning: str, params: CameraParams, known: Known | None = None) -> Levels:
     """The levels of an image (R,R) whose grey levels have a meaning (see `images.levels`), and that shows a part of the
     canvas, None: all of it. Raises `InputError` if no camera that it may have has a value that the user knows."""
-    told = params.all_known
+    told, possible = params.all_known, of_others() if meaning == DRAWN else [meaning]
     for name, value in told.items():
-        if not any(name in kind_of(kind).values for kind in _possible(meaning)):
+        if not any(name in kind_of(kind).values for kind in possible):
             raise InputError(f"camera.{KNOWN[name]} must be null if levels is {meaning}, got {value}")
     if meaning != DRAWN:
         return kind_of(meaning)(params, image).within(known)
     if params.blur_px is not None and not params.estimate:
         raise InputError("camera.blur_px must be null if camera.estimate is false and levels is not linear, got "
                          f"{params.blur_px}")
-    kinds = tuple(kind for kind in of_others() if set(told) <= set(kind_of(kind).values))
+    kinds = tuple(kind for kind in possible if set(told) <= set(kind_of(kind).values))
     if not kinds:
         names = " and ".join(f"camera.{KNOWN[name]}" for name in told)
         raise InputError(f"{names} must not be given together, because no kind of camera has all of them; got "
                          + ", ".join(map(str, told.values())))
     return kind_of("coverage")(params, image, kinds=kinds).within(known)
-
-
-def _possible(meaning: str) -> Iterable[str]:
-    return of_others() if meaning == DRAWN else (meaning,)
 
 
 def with_camera(levels: Levels, camera: Camera | None) -> Levels:

@@ -55,12 +55,13 @@ class Levels(ABC):
     known: Known | None = None
     beside: ClassVar[str | None] = None
     values: ClassVar[tuple[str, ...]] = ()
+    own_supersample: ClassVar[int | None] = None  # in the place of that of the parameters
     supersample: int
 
     def __init__(self, params: CameraParams, image: Tensor | None = None, camera: Camera | None = None,
                  kinds: tuple[str, ...] = ()):
         self.params, self.image, self.camera = params, image, camera or Camera(self.kind)
-        self.kinds, self.supersample = kinds or (self.kind,), params.supersample
+        self.kinds, self.supersample = kinds or (self.kind,), self.own_supersample or params.supersample
 
     def within(self, known: Known | None) -> Self:
         """The same levels of a picture that shows this part of the canvas."""
@@ -212,11 +213,7 @@ class Coverage(Levels):
     them."""
 
     kind = "coverage"
-
-    def __init__(self, params: CameraParams, image: Tensor | None = None, camera: Camera | None = None,
-                 kinds: tuple[str, ...] = ()):
-        super().__init__(params, image, camera, kinds)
-        self.supersample = COVERAGE_SUPERSAMPLE
+    own_supersample = COVERAGE_SUPERSAMPLE
 
     def measure(self, image: Tensor) -> Tensor:
         return image.clone()

@@ -16,7 +16,7 @@ from torch import Tensor
 from ...runtime.params import Amount, Positive, Share
 from ...runtime.seeds import generator
 from ..stepwise import State, Stepwise
-from .search import Overlap, PopulationParams, PopulationWalk, best_of, bounded
+from .search import Overlap, PopulationParams, PopulationWalk, bounded, with_best
 
 
 class CuckooParams(PopulationParams):
@@ -63,11 +63,8 @@ class CuckooWalk(PopulationWalk):
 
     def step(self, state: State, number: int) -> State:
         random = generator(self.seed, "generation", number)
-        nests, cost = self._fly(state, random)
-        best, least = best_of(nests, cost, state["best"], state["least"])
-        nests, cost = self._abandon(nests, cost, random)
-        best, least = best_of(nests, cost, best, least)
-        return {"genome": nests, "cost": cost, "best": best.clone(), "least": least.clone()}
+        flown = with_best(*self._fly(state, random), state)
+        return with_best(*self._abandon(flown["genome"], flown["cost"], random), flown)
 
     def _fly(self, state: State, random: torch.Generator) -> tuple[Tensor, Tensor]:
         """Every nest flies, the farther the farther it is from the best one; it stays where that is no better."""

@@ -17,7 +17,7 @@ from ...ifs.affine import rotation
 from ...runtime.params import Amount, Positive
 from ...runtime.seeds import generator
 from ..stepwise import State, Stepwise
-from .search import Overlap, PopulationParams, PopulationWalk, best_of, bounded
+from .search import Overlap, PopulationParams, PopulationWalk, bounded, with_best
 
 
 class EvolutionaryParams(PopulationParams):
@@ -73,8 +73,7 @@ class EvolutionaryWalk(PopulationWalk):
         cost = torch.cat([state["cost"], self.cost(children)])
         drawn = torch.randint(len(cost), (len(cost), self.params.opponents), generator=random).to(self.device)
         stay = tournament(cost, drawn, self.params.population)
-        best, least = best_of(genome, cost, state["best"], state["least"])
-        return {"genome": genome[stay], "cost": cost[stay], "best": best.clone(), "least": least.clone()}
+        return with_best(genome, cost, state) | {"genome": genome[stay], "cost": cost[stay]}
 
     def evaluations(self, steps: int) -> int:
         return self.params.population * (steps + 1)

@@ -128,8 +128,7 @@ class PopulationWalk(Walk):
     def start(self) -> State:
         genome = self.initial().to(self.device)
         cost = self.cost(genome)
-        best, least = best_of(genome, cost, genome[0], cost[0])
-        return {"genome": genome, "cost": cost, "best": best.clone(), "least": least.clone()}
+        return with_best(genome, cost, {"best": genome[0], "least": cost[0]})
 
     def loss(self, state: State) -> float:
         return float(state["least"])
@@ -146,7 +145,8 @@ def bounded(maps: Tensor, bound: float) -> Tensor:
     return torch.cat([maps[..., :4].clamp(-bound, bound), maps[..., 4:]], -1)
 
 
-def best_of(maps: Tensor, cost: Tensor, best: Tensor, least: Tensor) -> tuple[Tensor, Tensor]:
-    """The best code ever, (N,6), and its cost: of a population, and the best one before it."""
+def with_best(genome: Tensor, cost: Tensor, before: State) -> dict[str, Tensor]:
+    """The state of genomes (P,N,6) of these costs (P,), with the best one ever: of them, or of the state before."""
     k = cost.argmin()
-    return (maps[k], cost[k]) if cost[k] < least else (best, least)
+    best, least = (genome[k], cost[k]) if cost[k] < before["least"] else (before["best"], before["least"])
+    return {"genome": genome, "cost": cost, "best": best.clone(), "least": least.clone()}

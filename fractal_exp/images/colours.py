@@ -107,8 +107,7 @@ class Pen:
         """The distance of the pen's own colour: a high quantile of the distances of the shape's pixels."""
         edges = np.linspace(0, 1.75, BINS + 1)
         wide = replace(self, full=1.75)
-        counts = sum(np.histogram(1.75 * wide.levels(band), edges)[0] for band in colours)
-        counts = np.asarray(counts)
+        counts = np.sum([np.histogram(1.75 * wide.levels(band), edges)[0] for band in colours], 0)
         farthest = np.flatnonzero(counts)[-1]
         counts[:int(SHAPE_DISTANCE * farthest) + 1] = 0
         reached = np.searchsorted(np.cumsum(counts), PEN_LEVEL * counts.sum())

@@ -123,8 +123,7 @@ def _between(along: set[Line], across: set[Line]) -> tuple[int, int, list[int]]:
     return min(ends + places), max(ends + places), places
 
 
-def _ticks(inside: np.ndarray, levels: list[int], uprights: list[int], length: float
-           ) -> np.ndarray:
+def _ticks(inside: np.ndarray, levels: list[int], uprights: list[int], length: float) -> np.ndarray:
     """Short marks that begin at one of the lines."""
     labels, _ = ndimage.label(inside, np.ones((3, 3)))
     marks = []

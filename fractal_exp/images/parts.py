@@ -67,7 +67,9 @@ def beside_the_shape(overview: Overview, noise: float, notes: Notes, *, graded: 
         notes.append(what)
     if not dropped.any():
         return None
-    return _nearer(dropped & lit, lit & ~dropped)
+    # With everything nearer to it than to the shape, such as smooth edges.
+    nearest = ndimage.distance_transform_edt(~lit, return_distances=False, return_indices=True)
+    return (dropped & lit)[tuple(nearest)]
 
 
 def _found(lit: np.ndarray, strokes: np.ndarray, graded: bool, notes: Notes) -> Iterator[tuple[str, np.ndarray]]:
@@ -186,9 +188,3 @@ def _solid(shape: np.ndarray) -> bool:
     """Whether a shape is connected, except for gaps of a pixel or two and crumbs."""
     closed = ndimage.binary_dilation(shape, np.ones((3, 3)))
     return max(piece.count for piece in _pieces(closed)[0]) >= SHAPE_SOLID * closed.sum()
-
-
-def _nearer(dropped: np.ndarray, kept: np.ndarray) -> np.ndarray:
-    """What is left out, with everything nearer to it than to the shape, such as smooth edges."""
-    nearest = ndimage.distance_transform_edt(~(dropped | kept), return_distances=False, return_indices=True)
-    return dropped[tuple(nearest)]

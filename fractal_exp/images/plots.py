@@ -147,12 +147,10 @@ def _plain(panel: Bands, name: str, notes: Notes) -> Bands:
     legend = _legend(panel, inked, block, notes)
     panel = _bridged(panel, paper, notes, legend)
     inked = inked_of(panel, paper)[0] & ~legend
-    gone = legend.copy()
     marks = _marks(inked)
     words = _words(inked & ~marks)
-    gone |= marks | words
-    arrows = _arrows(inked & ~gone, words)
-    gone |= arrows
+    arrows = _arrows(inked & ~marks & ~words, words)
+    gone = legend | marks | words | arrows
     for what, found in (("a legend was ignored", legend), ("marks on the axes were ignored", marks),
                         ("text beside the shape was ignored", words), ("lines at a text were ignored", arrows)):
         if found.any():

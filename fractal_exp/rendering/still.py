@@ -40,7 +40,6 @@ REUSE = 8                    # words under which a point of a film or a large pi
 MANY = 2 * POINTS_AT_1024    # points from which on a picture is large
 
 
-
 @dataclass(frozen=True)
 class RenderInfo:
     """What a rendering did: the points in the view, `requested` and `drawn` (a Poisson number; large ones agree within

@@ -37,11 +37,11 @@ class Svg(CodeFormat):
         view = _window(np.vstack([box[None], images]))
         picture = base64.b64encode(silhouette(code, view, PIXELS)).decode()
         (x, y), half = view.center, 1 / view.zoom
+        box_of_view = " ".join(f"{number:.9g}" for number in (x - half, -y - half, 2 * half, 2 * half))
         title = escape(plain(code.meta.get("title")) or plain(code.meta.get("name")) or repr(code))
         lines = [
             '<?xml version="1.0" encoding="UTF-8"?>',
-            f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="{_joined(x - half, -y - half, 2 * half, 2 * half)}" '
-            'width="768" height="768">',
+            f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="{box_of_view}" width="768" height="768">',
             f"<title>{title}</title>",
             f'<rect x="{x - half:.9g}" y="{-y - half:.9g}" width="100%" height="100%" fill="#fff"/>',
             f'<image x="{x - half:.9g}" y="{-y - half:.9g}" width="{2 * half:.9g}" height="{2 * half:.9g}" '
@@ -82,7 +82,3 @@ def _parallelogram(index: int, corners: np.ndarray, code: IFS, half: float) -> s
 def _points(corners: np.ndarray) -> str:
     """SVG's y points down."""
     return " ".join(f"{x:.9g},{0.0 - y:.9g}" for x, y in corners)
-
-
-def _joined(*numbers: float) -> str:
-    return " ".join(f"{number:.9g}" for number in numbers)

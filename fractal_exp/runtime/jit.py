@@ -64,12 +64,6 @@ def _say_that_the_cache_is_useless(folder: str, error: Exception) -> None:
     log.debug("numba's cache in %s: %r", folder, error)
 
 
-def remembering(compiled: Any) -> Any:
-    """A compiled function whose cache on disk may be damaged or full."""
-    compiled._cache = ForgivingCache(compiled._cache)
-    return compiled
-
-
 def kernel(**options: Any) -> Callable[[Callable], Callable]:
     """Compile at the first call, without the GIL, and keep the machine code between processes where that can be.
 
@@ -80,7 +74,8 @@ def kernel(**options: Any) -> Callable[[Callable], Callable]:
 
     def compile_lazily(function: Callable) -> Callable:
         try:
-            compiled = remembering(njit(function, cache=True, nogil=True, **options))
+            compiled: Any = njit(function, cache=True, nogil=True, **options)
+            compiled._cache = ForgivingCache(compiled._cache)
         except RuntimeError:  # no folder can be written: compile in every process
             compiled = njit(function, nogil=True, **options)
 

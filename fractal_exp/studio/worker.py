@@ -53,11 +53,6 @@ class Worker:
         theirs.close()
         threading.Thread(target=self._hear, args=(self._pipe, self._process), daemon=True).start()
 
-    @property
-    def busy(self) -> bool:
-        """Whether it is at a task."""
-        return self._busy
-
     def do(self, task: Task) -> None:
         """Begin a task; the words come by and by. Raises `RuntimeError` if it is at another one."""
         packed = pickle.dumps(task)

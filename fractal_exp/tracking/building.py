@@ -35,7 +35,8 @@ def build(database: Path, uri: str) -> None:
         # Commands that are started together wait here for the first. Not with `files.alone_in`: that locks a whole
         # folder, here perhaps one that is not ours, and has to write into its lock, which a full disk would not let it.
         with FileLock(f"{database}.lock"):
-            _remove_leftovers(database)
+            for leftover in database.parent.glob(f"{_scratch(database)}*"):
+                shutil.rmtree(leftover, ignore_errors=True)
             if not database.exists() or not database.stat().st_size:
                 _make(database)
             check(database, uri)
@@ -71,11 +72,6 @@ def hide_default(store: Any) -> None:
 
 def _scratch(database: Path) -> str:
     return f".{database.name}-new-"
-
-
-def _remove_leftovers(database: Path) -> None:
-    for folder in database.parent.glob(f"{_scratch(database)}*"):
-        shutil.rmtree(folder, ignore_errors=True)
 
 
 def _make(database: Path) -> None:

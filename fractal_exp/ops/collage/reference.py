@@ -128,7 +128,8 @@ def descend(maps: Tensor, weights: Tensor, target: Target, backgrounds: Tensor, 
         with torch.enable_grad():
             m, v = maps.requires_grad_(), logs.detach().requires_grad_()
             w = weigh(m, v)
-            loss = errors(m, w).sum() + _near_identity(m, w.detach(), target.mean, target.covariance, how).sum()
+            near = 1 - displacement_squared(m, target.mean, target.covariance) / how.identity_radius**2
+            loss = errors(m, w).sum() + (how.identity_weight * w.detach() * near.clamp_min(0).square()).sum()
             by_map, by_log = torch.autograd.grad(loss, (m, v), allow_unused=True, materialize_grads=True)
         w = w.detach()
         if not how.tied:
@@ -170,11 +171,6 @@ def _bins(maps: Tensor, samples: Tensor, size: int) -> tuple[Tensor, Tensor]:
     first = (row * size + column).nan_to_num(0).long()
     corners = torch.stack([first, first + 1, first + size, first + size + 1], -1)
     return corners, torch.stack([(1 - fu) * (1 - fv), fu * (1 - fv), (1 - fu) * fv, fu * fv], -1)
-
-
-def _near_identity(maps: Tensor, weights: Tensor, mean: Tensor, covariance: Tensor, how: Descent) -> Tensor:
-    near = (1 - displacement_squared(maps, mean, covariance) / how.identity_radius**2).clamp_min(0)
-    return how.identity_weight * weights * near.square()
 
 
 def displacement_squared(maps: Tensor, mean: Tensor, covariance: Tensor) -> Tensor:

@@ -26,7 +26,6 @@ COLOUR_UNIT = 65536.0  # of a colour's 1 in the sums, which are integers: no ord
 PLACE, WITH_COLOUR = 8, 12  # numbers of a word without and with a colour
 
 
-
 class Tree(NamedTuple):
     """The arrays of an `AddressTree`, N maps: maps (N,6), mass (N,), thresholds (N,), guide (4096,), hull (2,2), and
     colours (N,4), the share that a map keeps of a colour and the red, green and blue that it adds; (0,4) without."""

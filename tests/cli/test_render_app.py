@@ -47,19 +47,6 @@ def test_a_still_that_is_not_square(tmp_path, size, shape):
     render_app.main(["fern", str(tmp_path / "a.png"), "--size", size, "--points", "1e5", "--zoom", "1.5"])
     expected = render(fern, View(zoom=1.5), resolution=shape, points_in_view=100_000)
     np.testing.assert_allclose(pixels(tmp_path / "a.png") / 255, expected.numpy(), atol=1 / 255)
-    square = render(fern, View(zoom=1.5), resolution=min(shape), points_in_view=100_000).numpy()
-    left, top = ((side - min(shape)) // 2 for side in reversed(shape))
-    middle = expected.numpy()[top:top + min(shape), left:left + min(shape)]
-    assert 2 * ((middle > 0) & (square > 0)).sum() / ((middle > 0).sum() + (square > 0).sum()) > 0.95
-
-
-def test_films_that_are_not_square(tmp_path):
-    render_app.main(["fern", str(tmp_path / "a.mp4"), "--size", "96x64", "--points", "2e4", "--seconds", "0.2",
-                     "--zoom", "10"])
-    assert iio.imread(tmp_path / "a.mp4").shape == (6, 64, 96, 3)
-    render_app.main(["fern", "tree", str(tmp_path / "%d.png"), "--size", "33x64", "--points", "2e4", "--seconds",
-                     "0.2"])
-    assert pixels(tmp_path / "1.png").shape == (64, 33)
 
 
 def test_transparent_and_density_stills(tmp_path):
@@ -70,13 +57,12 @@ def test_transparent_and_density_stills(tmp_path):
     assert 0 < (pixels(tmp_path / "b.png") > 0).mean() < 0.9
 
 
-@pytest.mark.parametrize("suffix", ["mp4", "webm", "gif"])
-def test_a_film(tmp_path, suffix):
-    out = tmp_path / f"zoom.{suffix}"
-    render_app.main(["sierpinski_triangle", str(out), "--size", "64", "--points", "2e4", "--seconds", "0.5", "--fps",
+def test_a_film_that_is_not_square(tmp_path):
+    out = tmp_path / "zoom.mp4"
+    render_app.main(["sierpinski_triangle", str(out), "--size", "96x64", "--points", "2e4", "--seconds", "0.5", "--fps",
                      "10", "--zoom", "1e4", "--center", "0.2", "0.1"])
     film = iio.imread(out)
-    assert len(film) == 5 and (film.reshape(5, -1).mean(1) > 3).all()
+    assert film.shape == (5, 64, 96, 3) and (film.reshape(5, -1).mean(1) > 3).all()
 
 
 def test_a_morph_through_three_codes_and_back(tmp_path, capsys):
@@ -101,16 +87,10 @@ def test_a_morph_through_three_codes_and_back(tmp_path, capsys):
     (["fern", "a.jpg"], "end the name in .png"),
     (["fern", "no/such/a.png"], "cannot write"),
     (["fern", "a.png", "--zoom", "0"], "zoom must be a finite number above 0"),
-    (["fern", "a.png", "--zoom", "nan"], "zoom must be a finite number above 0"),
-    (["fern", "a.png", "--size", "20000"], "from 1 to 16384"),
     (["fern", "a.png", "--size", "64x20000"], "from 1 to 16384"),
     (["fern", "a.png", "--size", "64x"], "such as 1024, or 1920x1080 (width x height), got '64x'"),
-    (["fern", "a.png", "--size", "-5"], "got '-5'"),
-    (["fern", "a.png", "--size", ""], "got ''"),
     (["fern", "a.mp4", "--size", "64x63"], "even number of pixels a side as .mp4, got 64×63"),
     (["fern", "a.png", "--points", "nan"], "--points"),
-    (["fern", "a.png", "--points", "-5"], "--points"),
-    (["fern", "a.mp4", "--size", "63"], "even"),
     (["fern", "a.mp4", "--transparent"], "stills"),
     (["fern", "a.mp4", "--seconds", "0"], "at least 2 frames"),
     (["fern", "a.mp4", "--zoom", "0.5"], "must end above"),

@@ -53,16 +53,6 @@ def test_a_fit_in_colour_keeps_and_tracks_colours(picture, tmp_path, capsys):
         on_picture(picture, tmp_path, "resume=true")
 
 
-@pytest.mark.slow
-def test_a_fit_in_colour_finds_the_same_maps(picture, tmp_path):
-    plain = on_picture(picture, tmp_path / "plain", "tracking=none")
-    coloured = on_picture(picture, tmp_path / "coloured", "tracking=none", "colour=true")
-    assert coloured.pop("eval/ciede2000") > 0 and plain.keys() == coloured.keys()
-    first, second = (IFS.load(tmp_path / name / "fits" / "fit" / "code.json") for name in ("plain", "coloured"))
-    assert first.colours is None and first.linear.equal(second.linear) and first.offset.equal(second.offset)
-    assert not (tmp_path / "plain" / "fits" / "fit" / "views" / "coloured.png").exists()
-
-
 @pytest.mark.parametrize(("words", "message"), [
     (["target=suite"], "this target is drawn without any; give picture=FILE, or leave colour out"),
     (["target=retina"], "this target is drawn without any"),

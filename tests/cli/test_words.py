@@ -4,7 +4,6 @@ import argparse
 import contextlib
 import errno
 import json
-import os
 import re
 import signal
 
@@ -25,18 +24,14 @@ from fractal_exp.ifs import attractor
 from fractal_exp.tracking import runs_frame
 
 SHOWN = ["--cfg", "job"]
-SLOW = pytest.mark.slow
 
 
 @pytest.mark.parametrize(("arguments", "message"), [
-    pytest.param(["method=colage"], "did you mean 'collage'?", marks=SLOW),
     (["target=image", "target.pth=leaf.png"], "did you mean target.path"),
     (["sedd=3"], "did you mean seed"),
-    pytest.param(["optimizer.annealing.spred=3"], "did you mean optimizer.annealing.spread", marks=SLOW),
     (["maps=3"], "did you mean model.maps?"),
     (["method=collage", "detail_moves=3"], "did you mean method.search.detail_moves"),
     (["metod=collage"], "did you mean method"),
-    pytest.param(["ablatoin=naive"], "did you mean ablation?", marks=SLOW),
     (["~sedd"], "did you mean seed"),
     (["--sedd", "3"], "written without dashes: did you mean seed"),
     (["leaf.png"], "a picture: picture=leaf.png"),
@@ -45,10 +40,8 @@ SLOW = pytest.mark.slow
     (["seed=1,2"], "add --multirun to your command line"),
     (["--config-dir", "nowhere"], "nowhere' not found"),
     (["picture=a.png", "target=known"], "picture=a.png and target=known both name a target"),
-    pytest.param(["picture=a.png", "target.path=b.png"], "both name a target", marks=SLOW),
     (["picture="], "picture= needs a file"),
     (["-m", "method=colage"], "did you mean 'collage'"),
-    pytest.param(["-m", "sedd=1,2"], "did you mean seed", marks=SLOW),
 ])
 def test_what_a_wrong_word_may_have_meant_is_said_after_what_hydra_says(arguments, message):
     assert message in said(composed, *arguments, *(SHOWN if "-m" not in arguments else []))
@@ -56,9 +49,7 @@ def test_what_a_wrong_word_may_have_meant_is_said_after_what_hydra_says(argument
 
 @pytest.mark.parametrize(("arguments", "message"), [
     (["ablation"], "there is no study 'ablation'; did you mean 'ablations'"),
-    pytest.param(["seeds", "sedd=3"], "did you mean seed", marks=SLOW),
     (["seeds", "sweep.cuont=3"], "did you mean sweep.count"),
-    pytest.param(["seeds", "method=chaotic,colage"], "did you mean 'collage'", marks=SLOW),
     (["seeds", "seed=1,abc"], "'abc' of type 'str' could not be converted to Integer"),
     (["seeds", "picture=a.png", "target=known"], "both name a target"),
 ])
@@ -91,14 +82,6 @@ def test_several_fits_go_on_without_those_that_fail_which_are_told_at_the_end(tm
     assert "Traceback" in printed, "of the defect"
     frame = runs_frame(f"sqlite:///{tmp_path / 'mlflow.db'}", "fits")
     assert list(frame["status"]) == ["FAILED"] and list(frame["tags.error"]) == ["2 fits failed"], "the parent's"
-
-
-@pytest.mark.parametrize(("failed", "followed"), [(None, [os.getppid()]), ([], [])], ids=["worker", "command"])
-def test_a_worker_of_a_launcher_ends_with_the_command_that_started_it(failed, followed, monkeypatch):
-    ends_with = []
-    monkeypatch.setattr(composed, "failed", failed)
-    monkeypatch.setattr(composed.parent, "follow", ends_with.append)
-    assert composed._fit(OmegaConf.create({"task": "builtins.len"})) == 1 and ends_with == followed
 
 
 TINY = ["scale=smoke", "iterations=2", "resolution=32", "threads=1", "evaluation.resolution=32",
@@ -198,15 +181,6 @@ def test_a_limit_of_time_is_that_of_the_method_however_it_is_written():
 def test_flags_may_stand_anywhere():
     assert completed("seed=1,2", "-m", "threads=1") == ["-m", "seed=1,2", "threads=1"]
     assert completed("~name", "--config-dir", "mine") == ["--config-dir", "mine", "~name"]
-
-
-@pytest.mark.slow
-def test_a_study_of_the_suite_takes_a_picture_instead(picture, tmp_path):
-    """What its jobs are is tested quickly (`test_in_every_study_a_picture_is_the_whole_target`)."""
-    status, printed = run_here(sweep, "seeds", f"picture={picture}", "seed=0,1", *TINY, "tracking=none",
-                               f"output={tmp_path}")
-    assert status == 0 and "2 of 2 jobs finished" in printed, printed
-    assert {each.parent.name for each in tmp_path.rglob("code.json")} == {"seed=0", "seed=1"}
 
 
 def test_the_help_lists_settings_that_exist():

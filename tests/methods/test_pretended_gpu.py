@@ -7,7 +7,7 @@ import pytest
 import torch
 from chaotic_helpers import OPTIMIZERS, Breaking, fit
 from collage_helpers import BRIEF, merged
-from pretended_gpu import GPU, pretended
+from pretended_gpu import pretended
 
 from fractal_exp import codes, suite
 from fractal_exp.methods.base import FitDiverged
@@ -21,23 +21,6 @@ from fractal_exp.runtime.checkpoint import Checkpoint
 
 SHORT = merged(BRIEF, dict(rounds=1, search={"restarts": 1, "moves": 1, "detail_moves": 1, "proposals": 1},
                            moves={"count": 1}, growth={"enabled": True, "usual": 4, "counts": (4,), "steps": 5}))
-
-
-def test_what_a_gpu_refuses_is_refused_and_what_waits_for_it_counted():
-    with pretended() as waits:
-        there, here = torch.arange(3.0, device="cuda"), torch.ones(3)
-        assert there.device == GPU and there.is_cuda and (there.sqrt() + 1).device == GPU
-        for wrong in (lambda: there + here, lambda: here.add_(there), lambda: torch.stack([here, there]),
-                      lambda: torch.rand(3, device="cuda", generator=torch.Generator()), there.numpy,
-                      lambda: there.scatter_add(0, here.long(), there)):  # indices, but not an indexing
-            with pytest.raises((RuntimeError, TypeError)):
-                wrong()
-        there[1:] += torch.tensor(2.0)  # a lone number may come along
-        assert not waits
-        assert there.tolist() == [0, 3, 4] and float(there.sum()) == 7
-        assert torch.equal((there[[0, 2]] + here.to("cuda")[1:]).cpu(), torch.tensor([1.0, 5]))
-        assert there[there > 3].new_tensor([2.0]).device == GPU
-        assert sum(waits.values()) == 7  # one for each tensor or number that was brought or fetched, and the mask
 
 
 @pytest.mark.slow

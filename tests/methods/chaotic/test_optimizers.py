@@ -66,19 +66,6 @@ def test_every_optimizer_descends_and_reports_what_it_scored(build):
         assert set(step.terms) == {"bowl"}
 
 
-@pytest.mark.parametrize("build", OPTIMIZERS)
-def test_state_and_parameters_are_all_that_is_needed_to_go_on(build):
-    whole = build()
-    run(whole, Bowl())
-    half = build()
-    run(half, Bowl(), 10)
-    resumed = build()
-    resumed.start(half.raw, 3)
-    resumed.load_state(half.state())
-    run(resumed, Bowl(), 20, first=10)
-    assert torch.equal(whole.raw["x"], resumed.raw["x"])
-
-
 def test_annealing_runs_on_schedule_in_the_first_half_only_and_resets_adam():
     optimizer, problem = Alternating(every=5, candidates=3), Bowl()
     steps = run(optimizer, problem)

@@ -2,16 +2,12 @@
 
 from importlib import resources
 
-import numpy as np
 import pytest
 import torch
 from safetensors.torch import load_file
 
 from benchmarks.perceptual_training.network import Learner
 from fractal_exp import InputError, perceptual_distance
-from fractal_exp.codes import known
-from fractal_exp.evaluation import evaluate, summarize
-from fractal_exp.evaluation.scoring import Perceptual
 from fractal_exp.perceptual import distances as perceptual
 from fractal_exp.perceptual import fractal_features
 from fractal_exp.perceptual.feature_distance import unit_distance
@@ -45,12 +41,6 @@ def altered(file, path, **changes):
 
 # --- values ---------------------------------------------------------------------------------------------------------
 
-def test_equal_images_are_at_distance_zero_and_others_are_not():
-    a, b = images(2, 64, 64)
-    assert float(perceptual_distance(a, a)) == 0
-    assert float(perceptual_distance(a, b)) > 1e-3
-
-
 def test_it_is_lpips_construction_on_the_levels_of_the_network(file):
     found, (a, b) = fractal_features.load(file), images(2, 70, 70)
     expected, x, y = 0.0, a[None, None], b[None, None]
@@ -74,14 +64,6 @@ def test_gradients_agree_with_finite_differences(file, which, size):
     with torch.no_grad():
         ends = [distance(*(x + sign * step * direction * (k == which) for k, x in enumerate(pair))) for sign in (1, -1)]
     assert float((gradient * direction).sum()) == pytest.approx(float(ends[0] - ends[1]) / (2 * step), rel=1e-5)
-
-
-def test_a_batch_against_one_image_sums_its_gradient(file):
-    distance = perceptual.load("fractal", file).double()
-    a, b = images(3, 40, 40, dtype=torch.float64), images(40, 40, seed=1, dtype=torch.float64).requires_grad_()
-    (together,) = torch.autograd.grad(distance(a, b).sum(), b)
-    each = sum(torch.autograd.grad(distance(one, b), b)[0] for one in a)
-    torch.testing.assert_close(together, each)
 
 
 @pytest.mark.parametrize("batches", [((), ()), ((3,), ()), ((), (3,)), ((2, 1), (3,)), ((1,), (2, 3)), ((0,), ())])
@@ -110,15 +92,6 @@ def level(*batch, channels=8, side=6):
 def test_features_that_do_not_go_together_are_refused(a, b, weights, message):
     with pytest.raises(InputError, match=message):
         unit_distance(a, b, weights)
-
-
-def test_it_has_a_column_of_its_own():
-    assert Perceptual.load("fractal").column == "fractal_distance"
-    code = known("fern")
-    summary = summarize(evaluate(code, code, resolution=64, points_in_view=50_000, perceptual="fractal"))
-    lines = summary[summary.zoom_class == "all"].set_index("metric")
-    assert lines.loc["fractal_distance", "mean"] < 0.1 and set(lines.fractals) == {1} and set(lines["views"]) == {7}
-    assert np.isnan(lines.loc["lpips", "mean"])
 
 
 # --- bad input ------------------------------------------------------------------------------------------------------

@@ -1,6 +1,4 @@
-"""Files of other programs: as the field has them, broken ones, and much too long ones."""
-
-import pytest
+"""Files of other programs: as the field has them, and broken ones."""
 
 # A flame as the field has them: unused variations, colours, history, a post transform, a camera aside.
 FLAME = """<?xml version="1.0"?>
@@ -33,6 +31,8 @@ def xform(tag="xform", **values):
 
 def flame(*elements, **values):
     return f"<flame{attributes(**values)}>{''.join(elements)}</flame>"
+
+
 BOMB = ('<!DOCTYPE f [<!ENTITY a "aaaaaaaaaa">' + "".join(f'<!ENTITY {b} "{f"&{a};" * 10}">' for a, b in zip(
     "abcdefgh", "bcdefghi", strict=True)) + ']><flame name="&i;"/>')
 BROKEN_FLAMES = [
@@ -40,7 +40,6 @@ BROKEN_FLAMES = [
     ('<!DOCTYPE f SYSTEM "file:///etc/passwd"><flame/>', "declares a document type"),
     ('<!DOCTYPE f [<!ENTITY x SYSTEM "file:///etc/passwd">]><flame name="&x;"/>', "declares a document type"),
     ('<!DOCTYPE f [<!ENTITY % x SYSTEM "http://localhost:1/x.dtd">%x;]><flame/>', "declares a document type"),
-    ("<!DOCTYPE flame><flame/>", "declares a document type"),
     ('<flame name="&x;"/>', "is not XML: undefined entity in line 1"),
     ("<a>" * 100_000, "nested more than 64 deep"), ("<flame>" + "<edit>" * 100_000, "nested more than 64 deep"),
     ("<flame>", "is not XML: no element found"), ("{}", "is not XML: not well-formed"), ("<fractal/>", "holds no code"),
@@ -50,7 +49,6 @@ BROKEN_FLAMES = [
     (flame(xform(), '<symmetry kind="0"/>'), "kind of symmetry must be a whole number other than 0, .* got '0'"),
     (flame(xform(), '<symmetry/>'), "got '0'; write 3 for three turns"),
     (flame(xform(), '<symmetry kind="2.5"/>'), "got '2.5'"),
-    (flame(xform(), '<symmetry kind="1e308"/>'), "got '1e308'"),
     (flame(xform(), '<symmetry kind="-6000"/>'), "a code has from 1 to 10000 maps, got 12000"),
     (flame(xform(), '<symmetry kind="2"/>' * 2), "has a second <symmetry>"),
     (flame(xform(), xform(yzCoefs="1 0 0 1 .5 0")), "xform 2 moves points in space, by yzCoefs"),
@@ -60,9 +58,7 @@ BROKEN_FLAMES = [
     (flame(xform(), xform("finalxform", coefs="1 1 1 1 0 0")), "finalxform flattens the picture"),
     (flame(xform(), xform("finalxform", spherical=1)), "finalxform has the variation or parameter 'spherical'"),
     (flame(xform(blur=0.1)), "xform 1 has the variation or parameter 'blur'; only 'linear' is affine"),
-    (flame(xform(onclick="1")), "xform 1 has the variation or parameter 'onclick'"),
     (flame(xform(linear3D="x")), "linear3D of xform 1 must be a number, got 'x'"),
-    (flame(xform(), xform(swirl="nan")), "xform 2 has the variation or parameter 'swirl'"),
     (flame(xform(linear=0)), 'xform 1 has no variation; add linear="1"'),
     (flame(xform(chaos="1 0")), r"xform 1 has 'chaos' \(xaos\)"), (flame(xform(chaos="x")), "chaos of xform 1 must be"),
     (flame(xform(opacity=0)), "xform 1 is invisible"), (flame(xform(plotmode="off")), "xform 1 is invisible"),
@@ -74,10 +70,8 @@ BROKEN_FLAMES = [
     (flame(xform(coefs=".5 0 0 .5 0")), "coefs of xform 1 must be 6 numbers, got '.5 0 0 .5 0'"),
     (flame(xform(post="1 0")), "post of xform 1 must be 6 numbers"),
     (flame(xform(coefs="1.5 0 0 .5 0 0")), "must be contractive.*map 1 has singular value 1.5; shrink"),
-    (flame(xform(linear=2)), "map 1 has singular value 1;"),
     (flame(xform(weight=0)), "weights must have a sum above 0"), (flame(xform(weight=-1)), "must have a sum above 0"),
     (flame(xform(), xform(weight="x")), "weight of xform 2 must be a number, got 'x'"),
-    (flame(xform(weight=0), '<symmetry kind="3"/>'), "weights must have a sum above 0"),
     (flame(xform(), size="0 10"), "camera needs a size and a scale above 0"),
     (flame(xform(), zoom=1e9), "and a zoom below 100, got"),
     (flame(xform(), center="a b"), "center must be a number, got 'a'"),
@@ -127,13 +121,11 @@ BROKEN_FRACTINT = [
     (f"fern {{\n{SPACE}\n{SPACE}\n}}", "has 13 numbers a map, as codes in space do"),
     ("fern { .5 0 0 .5 0 nan }", "number 6 of map 1 must be a number, got 'nan'"),
     ("fern { .5 0 0 .5 0 1_0 }", "number 6 of map 1 must be a number, got '1_0'"),
-    ("fern { .5 0 0 .5 0 x=3 }", "number 6 of map 1 must be a number, got 'x=3'"),
     ("fern { .5 0 0 .5 0 1e999 }", "number 6 of map 1 must be a finite number"),
     ("fern { .5 0 0 .5 0 1e39 }", "offset must be finite"),
     ("fern { 1.5 0 0 .5 0 0 }", "entry 'fern': .* must be contractive.*map 1 has singular value 1.5"),
     ("fern { .5 0 0 .5 0 0 0 }", "weights must have a sum above 0"),
     ("fern { .5 0 0 .5 0 0 1 .5 0 0 .5 0 0 x }", "number 7 of map 2 must be a number, got 'x'"),
-    ("fern { .5 0 0 .5 0 0 -1 .5 0 0 .5 0 0 1 }", "weights must have a sum above 0"),
     ("fern { .5 0 0 .5 0 0 1e308 .5 0 0 .5 0 0 1e308 }", "weights must have a sum above 0 that is not huge"),
     ("fern {\n 0,5 0 0 0,5 0 0 1\n}", "number 1 of map 1 .*, got '0,5'; write a point for a decimal comma"),
     ("fern {\n 0,5 0 0 1 0 0\n}", "number 1 of map 1 must be a number, got '0,5'"),
@@ -148,14 +140,3 @@ BROKEN_FRACTINT = [
     ("; fern { .5 0 0 .5 0 0 }", "holds no code"),
     ("<script>\x1b[31m { x }", r"entry '<script>\[31m': number 1 of map 1 must be a number, got 'x'"),
 ]
-
-
-SLOW_TO_WRITE = [pytest.param(suffix, marks=pytest.mark.slow) for suffix in (".ifs", ".flame")]
-
-
-def million(suffix):
-    if suffix == ".json":
-        return "[" + ",".join(["[0,0,0,0,0,0]"] * 1_000_000) + "]"
-    if suffix == ".ifs":
-        return "big {" + "0 0 0 0 0 0 1\n" * 1_000_000 + "}"
-    return "<flame>" + "<xform w='1'/>" * 1_000_000 + "</flame>"

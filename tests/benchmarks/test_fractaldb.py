@@ -1,6 +1,5 @@
 """The codes of FractalDB-1k: how they are read, and that every truth lies where its picture is."""
 
-import os
 
 import numpy as np
 import pytest
@@ -89,11 +88,3 @@ def test_without_the_codes_the_set_says_what_to_set(monkeypatch, tmp_path):
             tmp_path / "none.npz", "No such file"):
         with pytest.raises(InputError, match=f"holds no codes of FractalDB: .*{message}.*csv_rate0.2_category1000"):
             fractaldb.load(path)
-
-
-@pytest.mark.skipif(not os.environ.get(fractaldb.VARIABLE),
-                    reason=f"needs the codes of FractalDB-1k; name their folder or .npz by {fractaldb.VARIABLE}")
-def test_the_set_is_that_of_a_thousand_codes():
-    codes = fractaldb.codes()
-    assert [int(name) for name in codes] == [*range(1000)] and {*map(len, codes.values())} == {*range(2, 8)}
-    assert sum(bool((code.singular_values() < 1).all()) for code in codes.values()) == 134

@@ -75,16 +75,6 @@ def test_the_displacement_of_a_shift_and_of_a_growth_is_known():
     assert np.abs(points[0]).max() == pytest.approx(0.75, abs=0.05)
 
 
-@pytest.mark.slow
-def test_batches_depend_on_their_number_alone():
-    """Without which an interrupted training would give another network."""
-    first, again = PerceptualTraining(**TINY), PerceptualTraining(**TINY)
-    first.batch(0)
-    assert all(map(torch.equal, first.batch(3), again.batch(3)))
-    copies = first.batch(3)[2]
-    assert copies.shape[1:] == (2, 64, 64) and 0 <= float(copies.min()) <= float(copies.max()) <= 1
-
-
 def test_ranking_prefers_distances_in_the_order_of_the_displacements():
     sizes = torch.tensor([[0.5, 2.0, 8.0]])
     right, wrong = (ranking_loss(torch.tensor([d]), sizes, 0.1, 100) for d in ([.1, .2, .3], [.3, .2, .1]))

@@ -15,7 +15,6 @@ from benchmarks.pictures.sets import SETS
 from benchmarks.pictures.shapes import shapes
 from fractal_exp import IFS, InputError, codes
 from fractal_exp.ifs import attractor
-from fractal_exp.images.placement import Placement
 from fractal_exp.images.reading import read_target
 
 DEEPEST = {p.family: p for p in reversed(textbook.pictures().values()) if p.deepest and not p.jpeg}
@@ -56,15 +55,6 @@ def test_the_true_code_lies_on_its_picture(family):
     seen, true = image > 0.25 * image.max(), judging.true_drawing(drawn.truth_on(target.placement))
     assert (true & judging.thickened(seen)).sum() >= 0.95 * true.sum()
     assert (seen & judging.thickened(true)).sum() >= 0.97 * seen.sum()
-
-
-def test_a_truth_is_placed_by_the_picture_s_own_similarity():
-    drawn = textbook.pictures()["carpet-3-green"].draw()
-    corners = drawn.similarity(np.array([[0, 0], [1, 1.0]]))
-    placement = Placement((drawn.pixels.shape[1], drawn.pixels.shape[0]), (0.0, 0.0, 500.0, 500.0))
-    (x0, y0), (x1, y1) = placement.to_canvas(corners)
-    box = attractor.visible_box(drawn.truth_on(placement).codes[0])
-    assert box == pytest.approx([x0, y0, x1, y1], abs=5e-3)
 
 
 @pytest.mark.parametrize("name", ["koch_filled-5-blue", "koch_filled-5-green", "carpet-5-red", "pentagon-6-orange"])

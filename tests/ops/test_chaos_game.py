@@ -1,5 +1,4 @@
 import math
-import pydoc
 import warnings
 
 import pytest
@@ -191,8 +190,3 @@ def test_what_gets_no_gradient_or_has_nan_is_warned_of():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         chaos_game(LINEAR, OFFSET, probabilities=torch.ones(3) / 3, **game)
-
-
-@pytest.mark.parametrize("shape", ["linear (…,N,2,2)", "offset (…,N,2)", "(…,N) or (N,)", "Points (…,P,2)"])
-def test_help_tells_shapes(shape):
-    assert shape in pydoc.plain(pydoc.render_doc(chaos_game))

@@ -1,7 +1,6 @@
 """A file imports only from floors below its own, or from its own folder."""
 
 import ast
-import tomllib
 from pathlib import Path
 
 import pytest
@@ -80,12 +79,6 @@ def test_everything_has_its_floor(folder):
     here = PACKAGE / folder
     names = {path.stem for path in here.glob("*.py")} | {path.parent.name for path in here.glob("*/__init__.py")}
     assert names - {"__init__"} == {name for floor in FLOORS[folder] for name in floor}
-
-
-def test_a_wheel_holds_every_folder():
-    settings = tomllib.loads((PACKAGE.parent / "pyproject.toml").read_text())
-    folders = {".".join(["fractal_exp", *parts(path)[:-1]]) for path in PACKAGE.rglob("__init__.py")}
-    assert set(settings["tool"]["setuptools"]["packages"]) == folders | {"fractal_exp.conf", "fractal_exp.sweeps"}
 
 
 @pytest.mark.parametrize("library, folder", [("mlflow", "tracking"), ("hydra", "cli")])

@@ -26,9 +26,3 @@ def test_the_wheel_holds_every_module_and_what_is_read_beside_them(built):
             "fractal_exp/sweeps/ablations.yaml"} <= built
     page = {str(path.relative_to(ROOT)) for path in (ROOT / "fractal_exp/viewer/static").iterdir()}
     assert len(page) > 10 and page - built == set()
-
-
-def test_the_wheel_says_that_it_is_typed():
-    from importlib import resources
-
-    assert (resources.files("fractal_exp") / "py.typed").is_file()

@@ -187,11 +187,6 @@ def test_a_study_of_fits_points_to_the_studies_with_a_table_and_to_the_dashboard
     assert f"python -m fractal_exp.tracking dashboard {output} shows the fits" in error
 
 
-def test_an_unknown_store_is_refused(tmp_path):
-    with pytest.raises(InputError, match="no study 'study'"):
-        report.read_sweep(tracking.prepare_store(tmp_path), "study")
-
-
 def test_a_report_says_on_which_views_and_how_many_were_empty(tmp_path):
     uri = tracking.prepare_store(tmp_path)
 

@@ -152,13 +152,7 @@ def test_it_is_saved_with_all_facts_and_read_as_a_code(kept, path, tmp_path, nam
         assert torch.equal(IFS.load(file).linear, found.code.linear)
     facts = json.loads(whole.read_text())["meta"]["inversion"]
     assert facts == found.facts()
-    assert facts["likeness"] == {"f1": found.likeness.f1, "iou": found.likeness.iou,
-                                 "noise_ratio": found.likeness.noise_ratio, "f1_1px": found.likeness.f1_1px,
-                                 "colour": None, "ssim": found.likeness.ssim,
-                                 "ssim_chance": found.likeness.ssim_chance, "f1_dark": found.likeness.f1_dark,
-                                 "ssim_share": found.likeness.ssim_share}
-    assert facts["verdict"] == {"kind": found.verdict.kind, "words": found.verdict.words,
-                                "remedy": found.verdict.remedy, "change": found.verdict.change}
+    assert facts["likeness"] == asdict(found.likeness) and facts["verdict"] == asdict(found.verdict)
     assert facts["placement"] == {"size": list(SIZE), "crop_box": list(found.placement.crop_box)}
     code, picture = facts["dimension"]["code"], facts["dimension"]["picture"]
     assert code == asdict(found.code.dimension()) and code["value"] == pytest.approx(np.log2(3), abs=1e-5)

@@ -13,7 +13,7 @@ from fractal_exp.errors import InputError
 from fractal_exp.ifs import attractor
 from fractal_exp.images.levels import MEANINGS, TargetImage, decided, meaning_of
 from fractal_exp.images.reading import ReadImage
-from fractal_exp.inversion import Inversion, Work, conclude, reconstruct, run, write
+from fractal_exp.inversion import Inversion, Work, conclude, run, write
 from fractal_exp.likeness import redrawn
 from fractal_exp.methods.base import CodeReconstruction, Progress
 from fractal_exp.methods.collage.method import Collage
@@ -72,14 +72,6 @@ def test_a_camera_comes_back_from_its_facts():
         assert parse_camera(camera.facts(SIDE), SIDE) == camera
     assert CAMERAS["coverage"].facts(SIDE) == pytest.approx(
         {"levels": "coverage", "tile_px": 0, "pen_px": 1, "blur_px": 0.5})
-
-
-def test_an_interrupted_method_leaves_its_best_code():
-    target = ReadImage.of_drawing(suite.target(CODE, SIDE), "density")
-    found = run(target, knowing(interrupted=True), name="known", keep_interrupted=True)
-    assert found.stopped == "interrupted" and torch.equal(found.code.linear, CODE.linear)
-    with pytest.raises(KeyboardInterrupt):
-        reconstruct(target, knowing(interrupted=True))
 
 
 def test_an_interruption_estimates_a_camera_only_where_the_method_has_none():

@@ -2,15 +2,14 @@
 
 import asyncio
 import json
-import struct
 import threading
 import time
-import zlib
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 
 import numpy as np
 import pytest
+from drawings import declared
 from full_disk import a_disk_that_takes
 from studio_helpers import SIDE, TOKEN, InThread, free, judged, rows, served
 
@@ -216,10 +215,8 @@ def test_previews_are_read_once_and_one_at_a_time(quick, monkeypatch):
 
 def test_a_picture_of_too_many_pixels_is_refused_before_it_is_decoded(quick):
     studio, _ = quick
-    header = b"IHDR" + struct.pack(">IIBBBBB", 20_000, 5001, 1, 0, 0, 0, 0)
-    status, why = studio.send(b"\x89PNG\r\n\x1a\n" + struct.pack(">I", 13) + header
-                              + struct.pack(">I", zlib.crc32(header)) + struct.pack(">I", 0) + b"IDAT")
-    assert status == 400 and "20000×5001 pixels, at most" in why
+    status, why = studio.send(declared(20_000, 1))
+    assert status == 400 and "20000×20000 pixels, at most" in why
 
 
 def test_a_search_may_follow_a_drag_at_once(quick, searches, may_judge):

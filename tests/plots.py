@@ -172,15 +172,3 @@ def by_pillow(points, plain):
     for x, y in (300 + 260 * points * (1, -1)).round().astype(int):
         pen.point((x, y), (0, 230, 230))
     return np.asarray(picture)
-
-
-if __name__ == "__main__":
-    import sys
-    from pathlib import Path
-
-    folder = Path(sys.argv[1])
-    for name, plot in SET.items():
-        for kind in (False, True):
-            drawn = draw(plot, kind)
-            path = folder / f"{name.replace(' ', '-')}{'-plain' * kind}.{plot.format}"
-            path.write_bytes(drawn.getvalue()) if isinstance(drawn, io.BytesIO) else Image.fromarray(drawn).save(path)

@@ -70,14 +70,6 @@ def test_what_is_there_is_not_fitted_again(tmp_path):
     assert len(fitting.read(tmp_path)) == 3 and not any("error" in each for each in fitting.read(tmp_path))
 
 
-@pytest.mark.slow
-def test_a_pool_of_processes_counts_core_time(tmp_path):
-    assert fitting.run("shapes", ["asterisk"], fitting.Setting(0.2, "core", {"resolution": 64, "rounds": 1}), tmp_path,
-                       1) == 1
-    (only,) = fitting.read(tmp_path)
-    assert "error" not in only and only["clock"] == "core" and only["f1_paving"] > 0.5
-
-
 def test_the_report_has_tables_and_sheets(tmp_path):
     for each in (line("gasket-4-black"), line("carpet-4-blue"), line("fern_dots-green"),
                  line("koch_curve-3-blue", limit=None, error="InputError: broken")):

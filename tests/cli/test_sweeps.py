@@ -19,7 +19,6 @@ from sweeps_helpers import jobs_of, run, start, stored
 from fractal_exp import IFS, tracking
 from fractal_exp.cli import sweep as command
 from fractal_exp.cli.jobs import job_name
-from fractal_exp.images import samples, write_image
 from fractal_exp.studies import report
 from fractal_exp.studies.published import TABLES
 from fractal_exp.tracking.store import is_alive
@@ -74,16 +73,6 @@ def test_what_the_released_defects_cost_is_shown_beside_the_sound_search_for_as_
     assert {row: (method["as_released"], method["seconds"]) for row, method in jobs.items()} == {
         f"{name}, as_released={odd}": (odd, 7) for odd in (False, True)
         for name in ("evolutionary", "cuckoo", "learning_fractals_32", "learning_fractals_256")}
-
-
-@pytest.mark.slow
-def test_real_pictures_have_twenty_maps_of_the_paper_and_may_be_ones_own(tmp_path):
-    jobs = {(job["sweep"]["sample"], job["sweep"]["row"]): job for job in jobs_of("real")}
-    assert {job["model"]["maps"] for job in jobs.values()} == {20} and len(jobs) == 4
-    assert jobs["snowflake", "chaotic"]["method"]["model"]["maps"] == 20
-    write_image(tmp_path / "a.png", samples.snowflake(64))
-    own = jobs_of("real", "target=image", f"picture={tmp_path / 'a.png'}", "sweep.sample=${picture}")
-    assert {(job["target"]["path"], job["sweep"]["sample"]) for job in own} == {(str(tmp_path / "a.png"),) * 2}
 
 
 def test_a_comparison_at_the_papers_scale_is_not_cut_off():

@@ -10,11 +10,7 @@ import torch
 from drawings import alike
 from PIL import Image, ImageDraw
 
-from fractal_exp import InputError, codes, suite
-from fractal_exp.ifs import attractor
-from fractal_exp.images.bands import Bands
-from fractal_exp.images.checks import Notes
-from fractal_exp.images.plots import without_axes
+from fractal_exp import InputError
 from fractal_exp.images.reading import read_target
 from fractal_exp.methods.base import check_target
 
@@ -52,22 +48,6 @@ def test_a_grid_alone_is_a_shape():
         ImageDraw.Draw(picture).line((place, 0, place, 299), 0)
         ImageDraw.Draw(picture).line((0, place, 299, place), 0)
     assert not any("ignored" in note for note in read_target(np.asarray(picture), 64).notes)
-
-
-def pictures():
-    for name in codes.names():
-        code = attractor.normalize(codes.known(name))
-        yield from ((f"{name} {kind}", suite.target(code, 256, kind).numpy()) for kind in ("grey", "binary"))
-    for number, code in enumerate(suite.random_suite(20, 7)):
-        yield f"random {number}", suite.target(code, 192, "binary").numpy()
-
-
-@pytest.mark.slow
-def test_no_plain_shape_is_taken_for_a_plot():
-    for name, picture in pictures():
-        for pixels in (picture, 1 - picture):
-            whole = Bands.of_array(pixels)
-            assert without_axes(whole, name, Notes()) is whole, name
 
 
 def test_a_shape_that_fills_its_axes_is_told():

@@ -2,11 +2,9 @@
 
 import importlib.metadata
 import json
-import os
 import subprocess
 import sys
 import tomllib
-import venv
 from pathlib import Path
 
 import pytest
@@ -164,14 +162,3 @@ def test_each_library_is_in_the_extra_that_it_is_said_to_be_in():
         of_it = {owner.lower().replace("_", "-") for owner in owners[library]}
         assert of_it & extras[extra] or library == "omegaconf", library  # omegaconf comes with hydra-core
     need(*EXTRAS)
-
-
-@pytest.mark.slow
-@pytest.mark.skipif("FRACTAL_EXP_FRESH" not in os.environ, reason="set FRACTAL_EXP_FRESH=1: it downloads torch again")
-def test_a_fresh_environment_with_the_core_alone_inverts(tmp_path):
-    """From the package index: takes minutes and a network."""
-    venv.create(tmp_path / "env", with_pip=True)
-    python = tmp_path / "env" / "bin" / "python"
-    subprocess.run([python, "-m", "pip", "install", "--quiet", ROOT], check=True)
-    done = subprocess.run([python, "-c", INVERTS], cwd=tmp_path, text=True, capture_output=True)
-    assert done.returncode == 0, done.stderr

@@ -1,21 +1,18 @@
 """Colours, films and folders that nobody should give: each ends in a drawing or in one printable line of error."""
 
-import errno
 import io
 import json
-import os
 
 import numpy as np
 import pytest
 from commands import refusal, run_here
 from PIL import Image
 
-from fractal_exp import IFS, InputError, codes
+from fractal_exp import IFS, InputError
 from fractal_exp.cli import invert, render
 from fractal_exp.colouring import fitted
 from fractal_exp.images.painted import Painted
 from fractal_exp.images.reading import read_target
-from fractal_exp.runtime import files
 
 CODE = {"format": "fractal-exp/ifs", "version": 1, "linear": [[[0.5, 0], [0, 0.5]]] * 2,
         "offset": [[0.1, 0], [-0.4, 0.2]], "colours": {"rgb": [[1, 0, 0], [0, 1, 0]], "blends": [0.5, 0.5]}}
@@ -92,14 +89,3 @@ def test_a_file_where_a_folder_should_be_is_told_before_the_picture_is_read(name
 def test_a_folder_that_may_not_be_written_to_is_told_before_the_picture_is_read(monkeypatch):
     monkeypatch.setattr("fractal_exp.cli.invert.os.access", lambda *_: False)  # as for root on a disk that is read-only
     assert "may not be written to" in refusal(invert, "none.png", "--output", "new/folder")
-
-
-def test_a_disk_that_is_read_only_is_told(monkeypatch, tmp_path):
-    def refuse(path, *arguments, **more):
-        if str(path).startswith(str(tmp_path)) and arguments and "x" in arguments[0]:
-            raise OSError(errno.EROFS, os.strerror(errno.EROFS), str(path))
-        return open(path, *arguments, **more)
-    monkeypatch.setattr(files, "open", refuse, raising=False)
-    with pytest.raises(InputError, match="Read-only file system"):
-        codes.known("fern").save(tmp_path / "fern.json")
-    refusal(render, "code.json", "still.png", "--size", 16, "--points", 100)

@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 from drawings import declared
 from full_disk import a_disk_that_takes
-from studio_helpers import SIDE, TOKEN, InThread, free, judged, rows, served
+from studio_helpers import SIDE, InThread, free, judged, rows, served
 
 from fractal_exp import IFS, codes, suite
 from fractal_exp.ifs import attractor
 from fractal_exp.images.reading import ReadImage
 from fractal_exp.inversion import Work, conclude
 from fractal_exp.methods.base import CodeReconstruction, Progress
-from fractal_exp.studio import reading, tasks
+from fractal_exp.studio import tasks
 from fractal_exp.studio.keeping import Folder
 from fractal_exp.studio.session import Session
 
@@ -194,23 +194,6 @@ def test_every_file_of_a_save_is_written_or_none(tmp_path, quick):
     with a_disk_that_takes(50_000):  # the page alone is larger
         assert "code.html: File too large" in tab.refused("save")
     assert not list(tmp_path.rglob("inversion.json"))
-
-
-def test_previews_are_read_once_and_one_at_a_time(quick, monkeypatch):
-    studio, tab = quick
-    at_once, most, read = [], [], reading.read_small
-
-    def counted(*given, **more):
-        at_once.append(1)
-        most.append(len(at_once))
-        time.sleep(0.2)
-        at_once.pop()
-        return read(*given, **more)
-
-    monkeypatch.setattr(reading, "read_small", counted)
-    with ThreadPoolExecutor(4) as threads:
-        answers = list(threads.map(lambda _: studio.ask("GET", f"/{TOKEN}/given.png"), range(4)))
-    assert {status for status, _ in answers} == {200} and len({png for _, png in answers}) == 1 and most == [1]
 
 
 def test_a_picture_of_too_many_pixels_is_refused_before_it_is_decoded(quick):

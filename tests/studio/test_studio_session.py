@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import torch
 from PIL import Image
-from studio_helpers import SIDE, TOKEN, InThread, free, judged, plain, rows, served
+from studio_helpers import SIDE, TOKEN, free, judged, plain, rows
 
 from fractal_exp import IFS, codes
 from fractal_exp.ifs import attractor
@@ -198,18 +198,6 @@ def test_a_worker_that_dies_is_replaced_and_that_is_said(studio, tab, triangle):
     state = tab.until(lambda state: "process ended (signal 9)" in state["why"])
     assert state["code"]
     tab.until(lambda state: judged(state))  # by the next worker
-
-
-def test_a_code_that_nobody_saved_is_kept_at_the_end(tmp_path, triangle):
-    pytest.importorskip("websockets", reason="the studio needs `pip install 'fractal-exp[studio]'`")
-    with served(tmp_path, worker=InThread) as studio, studio.tab() as tab:
-        studio.send(triangle)
-        tab.until(lambda state: free(state) and state["picture"])
-        code = attractor.normalize(codes.known("fern"))
-        tab.do("edit", code=plain(code))
-        tab.until(lambda state: state["code"])
-    kept, = tmp_path.rglob("code.json")
-    assert str(kept) in studio.left[0] and IFS.load(kept).to_json()["linear"] == code.to_json()["linear"]
 
 
 class Asked:

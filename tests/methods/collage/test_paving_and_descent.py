@@ -196,12 +196,6 @@ def test_a_descent_with_turns_comes_closer(monkeypatch):
     assert with_turns < 0.95 * error()
 
 
-def test_a_descent_repeats_bit_for_bit():
-    seen = target_of(clouds())
-    one, two = (descended(paving(seen, 8), seen, 20, 3)[0].maps for _ in range(2))
-    assert torch.equal(one, two)
-
-
 def test_a_descent_that_begins_late_goes_through_all_of_its_phases():
     seen, start = target_of(clouds()), paving(target_of(clouds()), 8)
     late = Deadline(10, clock=iter([0.0, *[6.0] * 1000]).__next__)

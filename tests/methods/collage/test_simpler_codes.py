@@ -245,22 +245,6 @@ def test_a_shape_on_a_line_ends_as_similarities_though_its_maps_drew_the_pen():
     assert torch.allclose(simplest_of(picture, near, pen_px=1).abs(), CANTOR.abs(), atol=0.01)
 
 
-@pytest.mark.slow
-def test_a_curve_that_is_nearly_a_line_keeps_its_maps():
-    """Two maps, each of which turns half of the curve a little, up and down again."""
-    rise = 0.0125
-    curve = torch.tensor([[0.5, -rise, rise, 0.5, -0.375, 0], [0.5, rise, -rise, 0.5, 0.375, 0]])
-    picture = Inked(CAMERA, None, pen_camera(0.0, PIXEL, 0.0)).render(affine.to_code(curve), SIDE, 0)
-    assert torch.allclose(simplest_of(picture, curve, pen_px=1), curve, atol=1e-3)
-
-
-def test_parents_are_found_though_points_take_long_to_reach_a_line():
-    """Cantor's set: f1, and what f2 makes of f1 and of itself. The maps hardly contract across the line."""
-    first, second = torch.tensor([[1 / 3, 0.1, 0, 0.99, -0.5, 0], [1 / 3, -0.1, 0, 0.99, 0.5, 0]])
-    parts = torch.stack([first, affine.composed(second, first), affine.composed(second, second)])
-    assert any(len(each.shown.maps) == 2 for each in parents(fitted(penned(affine.to_code(CANTOR)), parts)))
-
-
 @pytest.mark.usefixtures("one_camera")
 def test_the_simplest_code_has_no_needless_maps():
     many, judge = with_compositions(), inked(THICK_INK)

@@ -13,7 +13,6 @@ from fractal_exp import IFS, codes
 from fractal_exp.cameras.camera import Camera
 from fractal_exp.cameras.estimate import nearest
 from fractal_exp.cameras.kinds import levels_of, with_camera
-from fractal_exp.cameras.pens import Dots
 from fractal_exp.cameras.strokes import Strokes, as_lines
 from fractal_exp.ifs import affine, attractor
 from fractal_exp.images.levels import DRAWN
@@ -30,7 +29,6 @@ from fractal_exp.methods.collage.stages.construction import Construction, is_con
 from fractal_exp.methods.collage.stages.drawn import DrawnMoves
 from fractal_exp.methods.collage.state import Candidate, Key, State
 from fractal_exp.runtime.checkpoint import Checkpoint
-from fractal_exp.runtime.deadline import Deadline
 
 
 def judged(image, kind, camera):
@@ -101,18 +99,6 @@ def test_a_code_seen_as_strokes_ends_without_their_widths():
         assert not thin or float(affine.smaller_singular(proposed[0])[0]) < 1e-6
 
 
-@pytest.mark.slow
-def test_dots_are_sharpened_as_dots():
-    fern = attractor.normalize(codes.known("fern"))
-    image = Dots(CAMERA, torch.zeros(SIDE, SIDE), dot_camera(0.16, 0.5 * PIXEL)).render(fern, SIDE, 1)
-    maps = affine.from_code(fern)
-    maps[0, 4:] += 0.5 * PIXEL
-    objective = judged(image, "dots", dot_camera(0.08, 0.5 * PIXEL))
-    start = objective.judge(maps, fern.probabilities)
-    other, found = sharpened(objective, start)
-    assert other.levels.camera.kind == "dots" and found.error < 0.7 * start.error
-
-
 def test_a_code_of_many_maps_and_exact_levels_stay_as_they_are():
     image = drawing()
     objective = judged(image, "coverage", pen_camera(0.0, 0.75 * PIXEL, 0.0))
@@ -138,13 +124,6 @@ def test_strokes_cover_as_much_of_the_canvas_at_any_resolution(side):
     wide[0, 0] = 0.03                                      # a trunk of some width
     shares = [float(strokes.render(affine.to_code(wide), each, 0).mean()) for each in (SIDE, side)]
     assert shares[1] == pytest.approx(shares[0], rel=0.1) and shares[0] > 0.01
-
-
-def test_a_deadline_that_has_passed_leaves_all_as_it_is():
-    image = drawing()
-    objective = judged(image, "coverage", pen_camera(0.0, 0.75 * PIXEL, 0.0))
-    shown = objective.judge(affine.from_code(tree()))
-    assert sharpened(objective, shown, Deadline(0.0)) == (objective, shown)
 
 
 def test_a_tree_is_like_its_drawing_though_its_attractor_goes_on():

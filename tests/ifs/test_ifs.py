@@ -103,8 +103,6 @@ def written(**changes):
 
 @pytest.mark.parametrize(("text", "message"), [
     ("[" * 100_000, "nested too deeply"),
-    (written(linear=[HALF, HALF]), "offset must have shape"),
-    (written(linear=[[0.5, 0.5]]), "linear must have shape"),
     (written(linear=[[[1.5, 0], [0, 0.5]]]), "map 1 has singular value 1.5"),
     (written(extra=1), r"unknown keys \['extra'\]"),
     ('{"format": "fractal-exp/ifs", "version": 1, "linear": [[[0.5, 0], [0, 0.5]]]}', "has no offset"),
@@ -115,24 +113,15 @@ def written(**changes):
     ('"fern"', "got str"),
     ("{", "is not JSON"),
     ('{"a": 1, "a": 2}', "gives the key 'a' twice"),
-    ("\ufeff[]", "is not JSON"),
-    (b"\xff\xfe", "is not JSON"),
     (written(meta=[]), "meta holds free notes by name .a mapping., got list"),
-    (written(meta="x" * 9000), "got str"),
     (written(version=2), "version 1, got 'fractal-exp/ifs' version 2; no other version is read"),
     (written(version=True), "version True"),
     (written(offset=[[True, 0]]), "offset must hold numbers only, got True"),
-    (written(offset=[["0", 0]]), "offset must hold numbers only, got '0'"),
-    (written(offset=[[None, 0]]), "offset must hold numbers only, got None"),
     (written(offset=[[float("nan"), 0]]), "offset must hold finite numbers up to 3.403e.38 .float32., got nan"),
     (written().replace("[[0, 0]]", "[[1e400, 0]]"), "offset must hold finite numbers .* got inf"),
     (written().replace("[[0, 0]]", "[[1e39, 0]]"), "offset must hold finite numbers .* got 1e.39"),
     (written().replace("[[0, 0]]", f"[[{'9' * 4000}, 0]]"), "has a number of 4000 digits, at most 308 are read"),
-    (written().replace("[[0, 0]]", f"[[{'9' * 5000}, 0]]"), "has a number of 5000 digits"),
     (written(probabilities=[True]), "probabilities must hold numbers only"),
-    (written(probabilities={"a": 1}), "probabilities must hold numbers only"),
-    (written(**{f"key{i}": 0 for i in range(10_000)}), "unknown keys"),
-    ('[[0.5, 0, 0, 0.5, 0, "0"]]', "rows must hold numbers only, got '0'"),
     ('{"ifs_m": [[0.5, 0, 0, 0.5]], "ifs_t": [[false, 0]]}', "ifs_t must hold numbers only, got False"),
 ])
 def test_a_damaged_or_crafted_code_is_refused_in_one_short_line(tmp_path, text, message):

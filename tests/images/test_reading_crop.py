@@ -94,7 +94,6 @@ def test_a_crop_is_that_of_the_upright_picture(page, tmp_path, orientation):
 @pytest.mark.parametrize("crop, message", [
     ((0, 0, 100), r"four whole numbers \(left, top, right, bottom\), in pixels of the picture, got \(0, 0, 100\)"),
     ((0, 0, 100.0, 100), "four whole numbers"), ((0, 0, True, 100), "four whole numbers"), ("0000", "got '0000'"),
-    (100, "got 100"), ([None, 0, 50, 50], "four whole numbers"), ({"left": 0}, "four whole numbers"),
     ((50, 0, 50, 100), r"left below right and top below bottom, got \(50, 0, 50, 100\), which is empty"),
     ((0, 90, 100, 80), "which is empty"),
     ((-1, 0, 100, 100), r"must lie within \(0, 0, 600, 320\), the whole picture, got \(-1, 0, 100, 100\)"),

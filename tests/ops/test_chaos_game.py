@@ -147,16 +147,12 @@ LINEAR, OFFSET = (t.detach() for t in random_code(4, maps=3))
     (dict(backend="numpy"), "backend must be one of auto, "),
     (dict(linear=torch.zeros(70_000, 2, 2), offset=torch.zeros(70_000, 2)), "at most 65536 maps"),
     (dict(trajectories=0), "trajectories must be an integer of at least 1"),
-    (dict(length=2.5), "length must be an integer of at least 1"),
     (dict(warmup=250), "warmup must be an integer from 0 to length - 1 = 249"),
-    (dict(warmup=-1), "warmup must be an integer from 0"),
     (dict(seed=0.5), "seed must be an integer of 64 bits"),
-    (dict(seed=2**64), "seed must be an integer of 64 bits"),
     (dict(seed=torch.zeros(4)), r"a tensor of seeds must be int64 of the batch's shape \(4,\)"),
-    (dict(seed=torch.zeros(3, dtype=torch.int64)), r"a tensor of seeds must be int64 of the batch's shape \(4,\)"),
     (dict(probabilities=torch.ones(2) / 2), r"probabilities must have shape \(3,\)"),
     (dict(probabilities=torch.tensor([0.5, -0.5, 1.0])), "probabilities must not be negative or NaN, got -0.5"),
-    (dict(probabilities=torch.tensor([0.5, float("nan"), 1.0])), "probabilities must not be negative or NaN"),
+    (dict(probabilities=torch.tensor([0.5, math.nan, 1.0])), "probabilities must not be negative or NaN"),
     (dict(probabilities=torch.ones(4, 3)), "probabilities must sum to 1, got 3; divide"),
 ])
 def test_bad_input_is_refused_in_one_line(change, message):

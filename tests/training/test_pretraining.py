@@ -123,13 +123,11 @@ def test_a_limited_training_keeps_what_it_has():
 
 @pytest.mark.parametrize(("name", "change", "message"), [
     ("neural_regression", {"epochs": 0}, "epochs must be at least 1, got 0"),
-    ("neural_regression", {"codes": 0}, "codes must be at least 1, got 0"),
     ("neural_regression", {"side": 20}, "side must be a multiple of 8, as 3 blocks halve it, got 20"),
     ("neural_regression", {"maps": 9}, "maps must be at least 10 and at most 64, got 9"),
     ("neural_regression", {"rate": 0.0}, "rate must be above 0"),
     ("neural_regression", {"seed": -1}, "seed must be at least 0, got -1"),
     ("neural_regression", {"channels": []}, "channels must be a list of at least 1 values"),
-    ("amortized", {"channels": []}, "channels must be a list of at least 1 values"),
     ("neural_regression", {"points": 6.0}, "points must be at least 0 and at most 5, got 6"),
     ("neural_regression", {"epoch": 3}, "no parameter epoch; did you mean 'epochs'"),
     ("amortized", {"heads": 3}, "the last of channels must be a multiple of heads, got 8 and 3"),

@@ -14,7 +14,6 @@ from fractal_exp.cli import evaluate as app
 from fractal_exp.cli.candidates import gather
 from fractal_exp.evaluation import evaluate
 from fractal_exp.ifs import attractor
-from fractal_exp.ifs.formats import save
 from fractal_exp.suite import random_suite
 
 SMALL = ["--resolution", "64", "--points", "200000"]
@@ -84,14 +83,6 @@ def test_a_fit_knows_its_truth_and_a_judgement_is_logged(folder):
         gather(["run:0123"], None, folder / "outputs")
 
 
-def test_one_code_of_a_file_with_several_is_judged(folder):
-    save([codes.known("fern"), codes.known("tree")], folder / "two.ifs")
-    found = gather(["two.ifs:tree", "two.ifs:#1"], "tree", folder)
-    assert [each.name for each in found] == ["two-tree", "two-1"]
-    torch.testing.assert_close(found[0].code.linear, codes.known("tree").linear, rtol=1e-5, atol=1e-5)
-    assert len(found[1].code) == len(codes.known("fern"))
-
-
 @pytest.mark.parametrize(("arguments", "message"), [
     (["mine"], "Name its truth"),
     (["mine", "--truth", "ferm"], "did you mean 'fern'? give"),
@@ -104,10 +95,8 @@ def test_one_code_of_a_file_with_several_is_judged(folder):
     (["run:5", "--truth", "suite"], "no runs are kept"),
     (["bare"], "bare: neither truth.json nor target.png is kept"),
     (["mine", "--truth", "suite", "--resolution", "0"], "--resolution must be an integer of at least 1, got 0"),
-    (["mine", "--truth", "suite", "--resolution", "-5"], "--resolution must be an integer of at least 1, got -5"),
     (["mine", "--truth", "suite", "--resolution", "10000000000"], "lower --resolution"),
     (["mine", "--truth", "suite", "--resolution", "41", "--perceptual", "fractal"], "raise --resolution to 42"),
-    (["mine", "--truth", "suite", "--points", "0"], "--points must be an integer of at least 1, got 0"),
     (["mine", "--truth", "suite", "--out", "mine/other.txt"], "mine/other.txt: File exists; choose a folder"),
 ])
 def test_what_a_user_can_mend_is_one_line(folder, arguments, message):

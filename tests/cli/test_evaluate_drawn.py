@@ -121,11 +121,8 @@ def test_of_a_picture_that_cuts_its_shape_off_only_what_it_shows_is_compared(fol
                                  "in different ways; judge pictures and codes one after another"),
     (["moved.json", "leaf.png"], "judge pictures and codes one after another"),
     (["moved.json", "--views", "uniform"], "--views changes nothing where codes with a picture are compared"),
-    (["moved.json", "--points", "100"], "--points changes nothing where codes with a picture are compared"),
     (["moved.json", "--resolution", "8"], "resolution must be a whole number of at least 16"),
     (["moved.json", "--crop", "0", "0", "300", "20"], "crop"),
-    (["ferm"], "did you mean 'fern'?"),
-    (["none.json"], "cannot read the code"),
     (["fern", "wide.json"], "must be contractive"),
     (["moved.json", "--published", "."], "--published has truths of its own"),
 ])

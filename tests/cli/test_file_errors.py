@@ -90,8 +90,6 @@ def test_names_too_long_are_refused_with_what_to_shorten(train, tmp_path, key):
 
 @pytest.mark.parametrize(("main", "arguments", "size", "names"), [
     (suite.main, ["suite", "--count", "1", "--resolution", "64"], 100, "suite/codes/000.json"),
-    (suite.main, ["suite", "--count", "1", "--resolution", "64"], 2500, "suite/sheet.png"),
-    (render.main, ["fern", "fern.png", "--size", "64", "--points", "1e4"], 200, "fern.png"),
     (render.main, ["fern", "fern.gif", "--size", "64", "--points", "1e4", "--seconds", "0.1"], 200, "fern.gif"),
 ])
 def test_a_full_disk_ends_a_command_in_one_line(main, arguments, size, names, folder, capsys):

@@ -7,7 +7,6 @@ import pytest
 from hydra import compose, initialize_config_module
 
 from fractal_exp.cli import configuration, sweeps
-from fractal_exp.cli.folders import FitFolder
 from fractal_exp.tracking.outbox import BATCH, Outbox
 
 
@@ -31,15 +30,6 @@ def test_sweeps_that_score_or_fit_otherwise_have_folders_of_their_own(tmp_path):
     assert len({first, *others}) == 5
     assert folder(tmp_path, "threads=1", "checkpoint_every=3", "sweep.workers=2", "sweep.count=2") == first
     assert folder(tmp_path / "elsewhere").name == first.name
-
-
-def test_a_resumed_fit_goes_on_with_the_run_of_the_same_store_alone(tmp_path):
-    fit = FitFolder.open(tmp_path, "fit")
-    fit.remember_run("sqlite:////a/mlflow.db", "run-of-a")
-    assert fit.run_to_resume("sqlite:////a/mlflow.db") is None, "there is nothing to go on from"
-    fit.checkpoint.touch()
-    assert fit.run_to_resume("sqlite:////a/mlflow.db") == "run-of-a"
-    assert fit.run_to_resume("sqlite:////b/mlflow.db") is None
 
 
 def test_what_comes_in_while_a_batch_is_sent_is_sent_with_the_next(tmp_path):

@@ -29,9 +29,10 @@ def test_addresses_are_shown_without_secrets(text):
 
 def test_the_folder_of_a_fit_knows_its_server_without_the_password(tmp_path):
     folder = FitFolder.open(tmp_path, "fit")
-    folder.checkpoint.write_bytes(b"")
     folder.remember_run(f"http://me:{PASSWORD}@host:5000", "0123")
     assert PASSWORD not in (tmp_path / "fit" / "run.json").read_text()
+    assert folder.run_to_resume(f"http://me:{PASSWORD}@host:5000") is None, "there is nothing to go on from"
+    folder.checkpoint.write_bytes(b"")
     assert folder.run_to_resume("http://me:changed@host:5000") == "0123"
     assert folder.run_to_resume("http://me:changed@other:5000") is None
     (tmp_path / "fit" / "run.json").write_text(json.dumps({"uri": f"http://me:{PASSWORD}@host:5000", "run_id": "45"}))

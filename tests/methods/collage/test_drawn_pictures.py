@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 import torch
-from collage_helpers import CAMERA, PARAMS, dot_camera, pen_camera, stroke_camera
-from drawn_helpers import PIXEL, SIDE, at, tree, triangles
+from collage_helpers import CAMERA, PARAMS, dot_camera, pen_camera
+from drawn_helpers import PIXEL, SIDE, at, triangles
 from scipy.ndimage import gaussian_filter
 
 from fractal_exp import IFS, codes, invert, suite
-from fractal_exp.cameras.camera import Camera, parse_camera
+from fractal_exp.cameras.camera import Camera
 from fractal_exp.cameras.estimate import TILED, estimated, nearest
 from fractal_exp.cameras.kinds import levels_of, with_camera
 from fractal_exp.cameras.levels import REUSE
@@ -26,7 +26,7 @@ from fractal_exp.methods.collage.moves.drawn import LEAST_MOVES, DrawnSearch
 from fractal_exp.methods.collage.stages.base import SearchProblem
 from fractal_exp.methods.collage.stages.drawn import DrawnMoves
 from fractal_exp.methods.collage.stages.growth import UNLIKE, Growth
-from fractal_exp.methods.collage.state import Candidate, Key, State
+from fractal_exp.methods.collage.state import Candidate, State
 from fractal_exp.rendering.still import render_with_info
 
 SEGMENT = IFS(torch.tensor([[[.5, 0], [0, .5]], [[.5, 0], [0, .5]]]), torch.tensor([[-.25, 0.], [.25, 0]]))
@@ -190,18 +190,6 @@ def test_a_camera_that_is_given_is_not_estimated():
     assert {each for each, _ in tried} == {pen_camera(0.0, 2.0 * PIXEL, 1.0 * PIXEL)}
 
 
-@pytest.mark.parametrize(("camera", "code", "facts"), [
-    (pen_camera(0.0, 1.5 * PIXEL, 0.5 * PIXEL), GASKET, {"levels": "coverage", "tile_px": 0}),
-    (stroke_camera(6.0, 0.0, 1.5 * PIXEL, 0.5 * PIXEL), tree(), {"levels": "strokes", "depth": 6, "thinning": 0})])
-def test_a_camera_is_described_in_pixels_and_taken_up_again(camera, code, facts):
-    image = at(triangles(4))
-    levels = with_camera(levels_of(image, meaning_of(image), CAMERA), camera)
-    told = levels.camera.facts(SIDE)
-    assert told == pytest.approx(facts | {"pen_px": 1.5, "blur_px": 0.5})
-    again = with_camera(levels, parse_camera(told, SIDE))
-    assert torch.equal(again.render(code, SIDE, 0), levels.render(code, SIDE, 0))
-
-
 def test_our_own_grey_levels_are_known_and_others_are_not():
     own = suite.target(GASKET, SIDE, "grey")
     assert meaning_of(own) == "density"
@@ -209,13 +197,6 @@ def test_our_own_grey_levels_are_known_and_others_are_not():
     assert meaning_of((own * 255).round() / 255) == "drawn"
     assert meaning_of((own > 0.25).float()) == "binary"
     assert meaning_of(at(np.float32(own > 0.25), SIDE // 2)) == "drawn"  # shrunk: quarters
-
-
-def test_a_checkpoint_keeps_the_camera():
-    maps = affine.from_code(GASKET)
-    state = State(done=Key(0, "image"), best=Candidate(maps, None, 1.0, 2.0, dot_camera(0.25, 0.01)))
-    again = State.of(state.snapshot(), "cpu")
-    assert again.best.camera == dot_camera(0.25, 0.01)
 
 
 def test_rounds_with_different_cameras_are_compared_by_angles():

@@ -82,39 +82,29 @@ def test_an_inversion_does_not_become_as_large_as_its_file_says(inversion):
         Inversion.load(folder)
 
 
+def job_is_usable(folder):
+    outcome = Outcome.read(folder)
+    return f"{outcome.seconds:.0f}" and isinstance(describe_scores(outcome), str)
+
+
+IDENTITY = {"model": {"maps": 3}, "seed": 0}
+RECORDS = {  # of a fit or a job, and whether what is read of it can be used
+    "finished.json": lambda fit: all(f"{score:.3f}" for score in fit.finished_scores(IDENTITY).values()),
+    "run.json": lambda fit: isinstance(fit.run_to_resume("sqlite:///mlflow.db"), str | None),
+    "outcome.json": lambda fit: job_is_usable(fit.path),
+}
+
+
 @FEW_OR_ALL
-def test_the_record_of_a_finished_fit(tmp_path, few):
-    identity, scores = {"model": {"maps": 3}, "seed": 0}, {"eval/f1": 0.5, "time/fit_seconds": 12.5}
+@pytest.mark.parametrize("name", RECORDS)
+def test_a_record(tmp_path, name, few):
     fit = FitFolder.open(tmp_path, "fit")
-    fit.finish(identity, scores)
-    path = fit.path / "finished.json"
-
-    def read(text):
-        path.write_text(text)
-        assert all(f"{score:.3f}" for score in fit.finished_scores(identity).values())
-    attack(json.loads(path.read_text()), read, few)
-
-
-@FEW_OR_ALL
-def test_the_record_of_a_tracked_run(tmp_path, few):
-    fit = FitFolder.open(tmp_path, "fit")
+    fit.finish(IDENTITY, {"eval/f1": 0.5, "time/fit_seconds": 12.5})
     fit.remember_run("sqlite:///mlflow.db", "abc")
     fit.checkpoint.touch()
-    path = fit.path / "run.json"
+    Outcome("finished", "full", "7", 12.5, {"eval/f1": 0.5}).write(fit.path)
 
     def read(text):
-        path.write_text(text)
-        assert isinstance(fit.run_to_resume("sqlite:///mlflow.db"), str | None)
-    attack(json.loads(path.read_text()), read, few)
-
-
-@FEW_OR_ALL
-def test_the_outcome_of_a_job(tmp_path, few):
-    Outcome("finished", "full", "7", 12.5, {"eval/f1": 0.5}).write(tmp_path)
-    path = Outcome.path(tmp_path)
-
-    def read(text):
-        path.write_text(text)
-        outcome = Outcome.read(tmp_path)
-        assert f"{outcome.seconds:.0f}" and isinstance(describe_scores(outcome), str)
-    attack(json.loads(path.read_text()), read, few)
+        (fit.path / name).write_text(text)
+        assert RECORDS[name](fit)
+    attack(json.loads((fit.path / name).read_text()), read, few)

@@ -48,8 +48,21 @@ def drawing(depth=DEPTH, width_px=1.6, thinning=False, fine=8):
             grow(top, turned, left - 1, width * (RATIO if thinning else 1))
 
     grow(np.array(FOOT), np.array(TOP) - np.array(FOOT), depth, width_px)
-    shares = np.asarray(picture, np.float32).reshape(SIDE, fine, SIDE, fine).mean((1, 3)) / 255
-    return torch.from_numpy(shares)
+    return at(np.asarray(picture, np.float32) / 255)
+
+
+def lines(code, depth, width_px, fine=8):
+    """The segment between the fixed points of the first and the last map, under all words of a depth: (SIDE, SIDE)."""
+    maps = affine.from_code(code).double()
+    ends = [torch.linalg.solve(torch.eye(2).double() - one[:4].reshape(2, 2), one[4:]) for one in (maps[0], maps[-1])]
+    parts = torch.stack(ends)[None]
+    for _ in range(depth):
+        parts = torch.cat([parts @ one[:4].reshape(2, 2).T + one[4:] for one in maps])
+    picture = Image.new("L", (fine * SIDE,) * 2)
+    pen = ImageDraw.Draw(picture)
+    for start, end in ((parts * torch.tensor([1.0, -1])).add(1) * (fine * SIDE / 2)).tolist():
+        pen.line([tuple(start), tuple(end)], fill=255, width=round(width_px * fine))
+    return at(np.asarray(picture, np.float32) / 255)
 
 
 def triangles(depth, side=4 * SIDE):
@@ -78,3 +91,12 @@ def objective(image, **camera):
 def stage(image, **options):
     params = PARAMS.updated(**options)
     return Construction(SearchProblem(image, levels_of(image, DRAWN, params.camera), params))
+
+
+def ended(stage, state, most_moves):
+    """The state after a stage that is wanted and makes all its moves."""
+    assert stage.is_wanted(state)
+    state = stage.open(state)
+    while not stage.is_settled(state) and state.step < most_moves:
+        state = stage.move(state)
+    return stage.close(state)

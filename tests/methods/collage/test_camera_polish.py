@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import torch
 from collage_helpers import dot_camera, pen_camera
-from PIL import Image, ImageDraw
+from drawn_helpers import lines
 
 from fractal_exp import codes
 from fractal_exp.cameras.camera import Camera
@@ -35,20 +35,6 @@ PEN = pen_camera(0.0, 1.0 * PIXEL, 0.5 * PIXEL)
 
 def drawn_by(levels, code, seed=0):
     return levels.render(code, SIDE, seed)
-
-
-def koch_lines(depth, width, fine=8):
-    """The Koch curve of a depth on the frame of `KOCH`, as lines `width` pixels wide, (SIDE, SIDE)."""
-    maps = affine.from_code(KOCH).double()
-    ends = [torch.linalg.solve(torch.eye(2).double() - one[:4].reshape(2, 2), one[4:]) for one in (maps[0], maps[-1])]
-    points = torch.stack(ends)[None]
-    for _ in range(depth):
-        points = torch.cat([points @ one[:4].reshape(2, 2).T + one[4:] for one in maps])
-    picture = Image.new("L", (SIDE * fine,) * 2)
-    pen = ImageDraw.Draw(picture)
-    for start, end in ((points * torch.tensor([1.0, -1])).add(1) * (SIDE * fine / 2)).tolist():
-        pen.line([tuple(start), tuple(end)], fill=255, width=round(width * fine))
-    return torch.from_numpy(np.asarray(picture, np.float32).reshape(SIDE, fine, SIDE, fine).mean((1, 3)) / 255)
 
 
 @pytest.mark.parametrize("jacobian", [FromPoints, pytest.param(FromRenderings, marks=pytest.mark.slow)])
@@ -102,7 +88,7 @@ def test_a_length_stays_positive_and_a_number_changes_by_a_factor():
 
 
 def test_a_thin_line_is_drawn_by_thin_tiles():
-    image = koch_lines(3, 0.6)
+    image = lines(KOCH, 3, 0.6)
     angles = {}
     for angle, tried in nearest(image, Inked(CAMERA, image), KOCH, 0):
         size = tried.tile
@@ -135,7 +121,7 @@ def test_a_kind_of_camera_that_the_user_chose_is_kept():
 
 
 def test_the_likeliest_cameras_of_a_kind_come_best_first():
-    image = koch_lines(3, 0.6)
+    image = lines(KOCH, 3, 0.6)
     pen = ImageObjective(image, Inked(CAMERA, image, PEN), PARAMS)
     seen = polish_under(pen, pen.judge(affine.from_code(KOCH)), "coverage", NO_DEADLINE)
     assert len(seen) == LIKELIEST

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 import torch
 from collage_helpers import pen_camera
-from drawn_helpers import SIDE, stage
+from drawn_helpers import SIDE, ended, stage
 
 from fractal_exp.cameras.camera import Camera
 from fractal_exp.ifs import affine
@@ -30,12 +30,7 @@ def cantor_set():
 @pytest.mark.slow
 def test_a_simpler_code_takes_the_place_of_a_code_of_many_maps():
     tried = stage(cantor_set())
-    state = State(best=Candidate(MANY, None, 1.0, 1.0))
-    assert tried.is_wanted(state)
-    state = tried.open(state)
-    while not tried.is_settled(state) and state.step < tried.most_moves:
-        state = tried.move(state)
-    state = tried.close(state)
+    state = ended(tried, State(best=Candidate(MANY, None, 1.0, 1.0)), tried.most_moves)
     assert affine.from_code(state.leader.code)[:, [0, 4]].abs() == pytest.approx(THIRDS[:, [0, 4]].abs(), abs=0.02)
     assert state.leader.camera.tile == 0 and not state.stopped
     assert DrawnMoves(tried.problem).is_wanted(state), "the moves go on from it"

@@ -2,12 +2,10 @@
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 import torch
 from collage_helpers import CAMERA, PARAMS, dot_camera, pen_camera, stroke_camera
-from drawn_helpers import DEPTH, FOOT, PIXEL, RATIO, SIDE, TOP, drawing, tree
-from PIL import Image, ImageDraw
+from drawn_helpers import DEPTH, FOOT, PIXEL, RATIO, SIDE, TOP, drawing, ended, lines, tree
 
 from fractal_exp import IFS, codes
 from fractal_exp.cameras.camera import Camera
@@ -80,11 +78,11 @@ def test_a_branch_that_makes_up_for_the_wrong_camera_is_left_out():
 def test_strokes_without_width_draw_the_same():
     wide = affine.from_code(tree())
     wide[0] = torch.tensor([0.04, 0.01, 0.02, 0.3, 0.03, -0.45])   # a trunk that leans and has a width
-    lines = as_lines(affine.to_code(wide))
-    assert torch.equal(lines[1:], wide[1:]) and float(affine.smaller_singular(lines)[0]) < 1e-6
+    thin = as_lines(affine.to_code(wide))
+    assert torch.equal(thin[1:], wide[1:]) and float(affine.smaller_singular(thin)[0]) < 1e-6
     assert float(affine.smaller_singular(wide)[0]) > 0.03
     seen = judged(drawing(), "coverage", stroke_camera(6.0, 0.0, 0.8 * PIXEL, 0.35 * PIXEL))
-    same, before = seen.judge(lines).image, seen.judge(wide).image
+    same, before = seen.judge(thin).image, seen.judge(wide).image
     assert float((same - before).abs().mean()) < 0.03 * float(before.mean())
 
 
@@ -145,12 +143,8 @@ def test_a_tree_of_few_levels_is_found_as_few_maps():
     problem = SearchProblem(image, levels_of(image, DRAWN, CAMERA), PARAMS)
     stage = Construction(problem, 0)
     wrong = affine.from_code(tree(0.5))
-    state = State(best=Candidate(wrong, None, 1.0, 1.0), stopped="a stage before it had no time")
-    assert stage.is_wanted(state)
-    state = stage.open(state)
-    while not stage.is_settled(state) and state.step < stage.most_moves:
-        state = stage.move(state)
-    state = stage.close(state)
+    begun = State(best=Candidate(wrong, None, 1.0, 1.0), stopped="a stage before it had no time")
+    state = ended(stage, begun, stage.most_moves)
     found = state.best
     assert found.camera.depth == 4 and len(found.maps) <= 4
     assert state.stopped == "few steps of a construction explain the picture"
@@ -172,38 +166,25 @@ def test_a_code_to_be_polished_is_not_replaced_by_a_search_for_a_tree():
 def test_a_lattice_of_few_steps_is_two_maps_seen_as_tiles(depth):
     """Heighway's dragon as lines: a lattice, not yet the filled attractor."""
     dragon = attractor.normalize(codes.known("heighway_dragon"))
-    maps = affine.from_code(dragon).double()
-    ends = torch.stack([torch.linalg.solve(torch.eye(2).double() - one[:4].reshape(2, 2), one[4:]) for one in maps])
-    parts = ends[None]
-    for _ in range(depth):
-        parts = torch.cat([parts @ one[:4].reshape(2, 2).T + one[4:] for one in maps])
-    picture, fine = Image.new("L", (8 * SIDE,) * 2), 4 * SIDE
-    pen = ImageDraw.Draw(picture)
-    for start, end in ((parts * torch.tensor([1.0, -1])).add(1) * fine).tolist():
-        pen.line([tuple(start), tuple(end)], fill=255, width=6)
-    image = torch.from_numpy(np.asarray(picture, np.float32).reshape(SIDE, 8, SIDE, 8).mean((1, 3)) / 255)
+    image = lines(dragon, depth, 0.75)
     stage = Construction(SearchProblem(image, levels_of(image, DRAWN, CAMERA), PARAMS), 0)
-    state = State(best=Candidate(affine.from_code(tree()), None, 1.0, 1.0))
-    assert stage.is_wanted(state)
-    state = stage.open(state)
-    while not stage.is_settled(state) and state.step < stage.expected_moves:
-        state = stage.move(state)
-    best = stage.close(state).best
+    state = ended(stage, State(best=Candidate(affine.from_code(tree()), None, 1.0, 1.0)), stage.expected_moves)
+    best = state.best
     assert len(best.maps) == 2 and best.camera.kind == "coverage" and best.camera.tile > 0
     drawn, true = (attractor.visible_box(each) for each in (best.code, dragon))
     assert max(abs(a - b) for a, b in zip(drawn, true, strict=True)) < 2 * PIXEL
     assert not DrawnMoves(stage.problem, 0).is_wanted(replace(state, best=best, current=None))
 
 
-@pytest.mark.parametrize("camera, ended", [(pen_camera(0.0, 0.01, 0.0), False), (pen_camera(0.1, 0.0, 0.0), True),
+@pytest.mark.parametrize("camera, noted", [(pen_camera(0.0, 0.01, 0.0), False), (pen_camera(0.1, 0.0, 0.0), True),
                                            (stroke_camera(4.0, 0.0, 0.01, 0.0), True), (None, True)])
-def test_a_note_tells_that_the_attractor_goes_on(tmp_path, camera, ended):
+def test_a_note_tells_that_the_attractor_goes_on(tmp_path, camera, noted):
     """Of a search that is resumed at its end. Without a camera, it is estimated: tiles, as the drawing is of few steps.
     """
     found = Candidate(affine.from_code(tree()), None, 1.0, 1.0, camera)
     Checkpoint(tmp_path / "end").save(State(done=Key(9, "growth"), best=found).snapshot())
     notes = method.Collage().reconstruct(drawing(4), checkpoint=Checkpoint(tmp_path / "end", resume=True)).notes
-    assert notes == ((method.ENDED,) if ended else ())
+    assert notes == ((method.ENDED,) if noted else ())
 
 
 def test_tiles_of_many_maps_explain_nothing():

@@ -57,10 +57,7 @@ def write(path, writing, leave):
 
 
 def test_what_a_killed_process_left_goes_with_a_later_write_but_not_what_is_being_written(tmp_path):
-    writing, leave = FORK.Event(), FORK.Event()
-    other = FORK.Process(target=write, args=(tmp_path / "file", writing, leave))
-    other.start()
-    assert writing.wait(60)
+    other, leave = begun(write, tmp_path / "file")
     [written] = tmp_path.glob(".file.*.partial")
     left = tmp_path / ".file.0123456789ab.partial"
     left.write_bytes(b"half")
@@ -98,6 +95,15 @@ def test_a_write_that_fails_leaves_the_file_before_and_says_why_in_one_line(tmp_
     write_atomically(tmp_path / ("ä" * 127), "a name of 254 bytes")
 
 
+def begun(work, *arguments):
+    """A process that is in the midst of a work, and what lets it go on."""
+    entered, leave = FORK.Event(), FORK.Event()
+    process = FORK.Process(target=work, args=(*arguments, entered, leave))
+    process.start()
+    assert entered.wait(60)
+    return process, leave
+
+
 def hold(folder, entered, leave):
     with alone_in(folder, wait=False):
         entered.set()
@@ -105,10 +111,7 @@ def hold(folder, entered, leave):
 
 
 def test_a_folder_has_one_process_at_a_time(tmp_path):
-    entered, leave = FORK.Event(), FORK.Event()
-    holder = FORK.Process(target=hold, args=(tmp_path / "fit", entered, leave))
-    holder.start()
-    assert entered.wait(60)
+    holder, leave = begun(hold, tmp_path / "fit")
     with pytest.raises(InputError, match=f"process {holder.pid} is at work in .*fit; try name=NAME"), \
             alone_in(tmp_path / "fit", wait=False, remedy="try name=NAME"):
         pass
@@ -121,10 +124,7 @@ def test_a_folder_has_one_process_at_a_time(tmp_path):
 
 
 def test_a_killed_process_holds_no_folder(tmp_path):
-    entered, leave = FORK.Event(), FORK.Event()
-    holder = FORK.Process(target=hold, args=(tmp_path, entered, leave))
-    holder.start()
-    assert entered.wait(60)
+    holder, _ = begun(hold, tmp_path)
     holder.kill()
     holder.join()
     with alone_in(tmp_path, wait=False):

@@ -83,8 +83,9 @@ def photograph(shape, seed, channels=None):
 OPTIONS = [{}, {"invert": True}, {"threshold": 0.4}, {"padding": 0.0}, {"invert": False, "padding": 0.6}]
 
 
-@pytest.mark.parametrize("channels", [None, 3, 4])
-@pytest.mark.parametrize("options", OPTIONS, ids=str)
+@pytest.mark.parametrize(("channels", "options"), [
+    pytest.param(channels, options, marks=() if channels is None or options in OPTIONS[:2] else pytest.mark.slow)
+    for channels in (None, 3, 4) for options in OPTIONS], ids=str)
 def test_bands_give_what_the_whole_picture_gives(tmp_path, channels, options):
     """The first picture has a band and a part of another."""
     for shape, resolution in (((1111, 1003), 64), ((64, 48), 128), ((300, 300), 300)):

@@ -38,8 +38,9 @@ def drawing(request):
     return request.param, read_target(np.asarray(request.param), 128)
 
 
-@pytest.mark.parametrize("format", ["array", "jpeg"])
-@pytest.mark.parametrize("light", LIGHTS)
+@pytest.mark.parametrize("light, format", [
+    *((light, "array") for light in LIGHTS), ("shadow", "jpeg"),
+    *(pytest.param(light, "jpeg", marks=pytest.mark.slow) for light in LIGHTS if light != "shadow")])
 def test_a_drawing_is_read_under_any_light(drawing, light, format, tmp_path):
     picture, expected = drawing
     source = photographed(picture, light)

@@ -11,7 +11,7 @@ from fractal_exp import suite
 from fractal_exp.ifs import affine, attractor
 from fractal_exp.images.levels import meaning_of
 from fractal_exp.methods.collage.bins import correction, halve
-from fractal_exp.methods.collage.measure.births import candidates
+from fractal_exp.methods.collage.measure.births import Heat, candidates, raced
 from fractal_exp.methods.collage.measure.search import MeasureSearch, Regime
 from fractal_exp.ops.collage import BinnedMeasure, Descent, descend, pushforward
 from fractal_exp.ops.collage.reference import displacement_squared
@@ -116,6 +116,23 @@ def test_maps_born_of_a_blob_give_the_measure_its_mean_and_covariance():
     torch.testing.assert_close(covariance, expected, atol=2e-3, rtol=0)
     mean = linear @ measure.mean.float() + born[:, 4:]
     torch.testing.assert_close(mean, torch.tensor([0.3, 0.1]).expand(20, 2), atol=0.02, rtol=0)
+
+
+def test_a_race_is_won_by_what_each_background_lacks():
+    samples = tiling_problem()[0].samples
+    tiles = torch.stack([torch.tensor([0.5, 0, 0, 0.5, 0.4 * k, 0.4 * k]) for k in (-1, 1)])
+    images = pushforward(tiles[:, None].contiguous(), torch.full((2, 1), 0.5), samples, 64)
+    grids = [BinnedMeasure(samples, halve(images.sum(0), size)) for size in (64, 32)]
+    entrants, weights, still = (tiles + 0.01).expand(2, 2, 6), torch.full((2, 2), 0.5), Descent(0, prior=0.0)
+    lacking = images.flip(0)   # the first lacks the first tile, the second the other
+
+    def winners(*heats):
+        return raced(entrants, weights, grids, heats, lacking, (0.99, 0.99))[0]
+
+    torch.testing.assert_close(winners(Heat(1, still, 2)), torch.stack([tiles, tiles.flip(0)]) + 0.01)  # best first
+    torch.testing.assert_close(winners(Heat(1, still, 2), Heat(0, still, 1)), tiles[:, None] + 0.01)
+    moved = winners(Heat(1, Descent(30, rate=0.01, prior=0.0), 1), Heat(0, Descent(30, rate=0.01, prior=0.0), 1))
+    torch.testing.assert_close(moved[:, 0], tiles, atol=4e-3, rtol=0)
 
 
 def test_a_score_is_the_error_and_what_maps_identities_and_untied_weights_cost():

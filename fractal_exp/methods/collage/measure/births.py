@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
@@ -14,7 +16,6 @@ from ....runtime.params import Interval
 from ..bins import halve
 from ..params import BirthParams
 
-KEPT = 4                       # candidates that also descend on the fine grid; one of them is taken
 BLOBS = 1 / 3                  # share of the candidates that take the shape of the uncovered blob; others are random
 VOLUME = 1.1                   # expected sum of |det| + 0.01 of a whole set; a new map's share is its first weight
 LEAST_WEIGHT = 1e-6            # minimum of the first weight
@@ -28,55 +29,57 @@ BLOB_LEAST_RADIUS = 1.0        # its minimum, cells
 BLOB_GRID = 64                 # cells per side of the grid on which blobs are measured
 BLOB_LEAST_WIDTH = 0.15        # standard deviation, cells, whose square is added to a blob's covariance
 BLOB_STEPS = 3                 # of mean shift (Fukunaga and Hostetler 1975), which finds the centre of a blob
-ON_COARSE = Descent(40, rate=0.04, prior=0.0)   # of all candidates on the coarse grid
-ON_FINE = Descent(15, rate=0.01, prior=0.0)     # of the kept candidates on the fine grid
 LEAST_WIDTH = 1e-3   # canvas units, whose square is added to the covariance of the image of a map to reorient
 TURNED = 0.97        # upper limit of the singular values of a reoriented map
 LEAST_PART = 0.3   # share of a measure that lies in a part of it at least
 REGULAR = 1e-8   # canvas units², added to the covariance of a measure: without it, a shape on a line has no inverse
 
 
-@dataclass(frozen=True)
-class Birthplace:
-    """Where maps are born: the measure on a fine and a coarse grid, the upper limits of a map's larger and smaller
-    singular values, and the number of candidates."""
+class Heat(NamedTuple):
+    """A part of a race of candidates: the grid's number, 0 the finest, the descent on it, and how many are left."""
 
-    measure: BinnedMeasure
-    coarse: BinnedMeasure
-    limits: tuple[float, float]
-    count: int
-    params: BirthParams
+    grid: int
+    how: Descent
+    left: int
 
-    def births(self, backgrounds: Tensor, sizes: list[Interval], total: float, generator: torch.Generator
-               ) -> tuple[Tensor, Tensor]:
-        """For each background (P,G,G) on the fine grid, the best maps (P,KEPT,6) born where mass is missing, and their
-        weights (P,KEPT), best first.
 
-        A map is anchored at a cell drawn from the missing mass. Its matrix is random in the range `sizes` (one for each
-        background), or gives the image of the measure the mean and covariance of the missing blob around the cell. Each
-        map descends alone on the coarse grid, and the best also on the fine one. total: sum of all maps' weights.
-        """
-        fine, coarse, count = self.measure, self.coarse, self.count
-        largest, smaller = self.limits
-        on_coarse, on_fine = (replace(how, largest=largest, smaller=smaller) for how in (ON_COARSE, ON_FINE))
-        sets, device = len(backgrounds), backgrounds.device
-        lacking = (fine.bins - backgrounds).clamp_min(0) * (1 if fine.known is None else fine.known)
-        wanted = [_wanted(each, fine) if self.params.residual else fine.bins for each in lacking]
-        born = torch.stack([candidates(wanted[p], lacking[p], fine, sizes[p], count, round(count * BLOBS), self.params,
-                                       generator) for p in range(sets)])
-        scale = total / VOLUME
-        weights = torch.minimum(scale * affine.volumes(born), lacking.sum((1, 2))[:, None])
-        weights = weights.clamp_min(LEAST_WEIGHT)
-        owner = torch.arange(sets, device=device).repeat_interleave(count)
-        moved, masses, errors = descend(born.flatten(0, 1)[:, None], weights.flatten()[:, None], coarse, on_coarse,
-                                        backgrounds=halve(backgrounds, coarse.size), chosen=owner)
-        best = errors.view(sets, count).argsort(1)[:, :KEPT]
-        take = (best + torch.arange(sets, device=device)[:, None] * count).flatten()
-        moved, masses, errors = descend(moved[take], masses[take], fine, on_fine, backgrounds=backgrounds,
-                                        chosen=owner[take])
-        order = errors.view(sets, KEPT).argsort(1)
-        rows = torch.arange(sets, device=device)[:, None]
-        return moved.view(sets, KEPT, 6)[rows, order], masses.view(sets, KEPT)[rows, order]
+# Most candidates that have lost after a quarter of the steps on the coarse grid would have lost after all.
+HEATS = (Heat(1, Descent(10, rate=0.06, prior=0.0), 16), Heat(1, Descent(30, rate=0.03, prior=0.0), 4),
+         Heat(0, Descent(15, rate=0.01, prior=0.0), 4))
+
+
+def births(grids: Sequence[BinnedMeasure], backgrounds: Tensor, sizes: list[Interval], count: int, total: float,
+           limits: tuple[float, float], params: BirthParams, generator: torch.Generator) -> tuple[Tensor, Tensor]:
+    """For each background (P,G,G), four maps (P,4,6) born where mass is missing, and their weights (P,4), best first.
+
+    A map is anchored at a cell drawn from the missing mass. Its matrix is random in the range `sizes` (one for each
+    background), or gives the image of the measure the mean and covariance of the missing blob around the cell. `count`
+    such candidates race. grids: the measure on a fine and a coarse one; total: sum of all maps' weights; limits: of the
+    larger and the smaller singular value.
+    """
+    fine, blobs = grids[0], round(count * BLOBS)
+    lacking = (fine.bins - backgrounds).clamp_min(0) * (1 if fine.known is None else fine.known)
+    wanted = [_wanted(each, fine) if params.residual else fine.bins for each in lacking]
+    born = torch.stack([candidates(wanted[p], lacking[p], fine, sizes[p], count, blobs, params, generator)
+                        for p in range(len(backgrounds))])
+    weights = torch.minimum(total / VOLUME * affine.volumes(born), lacking.sum((1, 2))[:, None])
+    return raced(born, weights.clamp_min(LEAST_WEIGHT), grids, HEATS, backgrounds, limits)
+
+
+def raced(maps: Tensor, weights: Tensor, grids: Sequence[BinnedMeasure], heats: Sequence[Heat], backgrounds: Tensor,
+          limits: tuple[float, float]) -> tuple[Tensor, Tensor]:
+    """The winners of a race of candidates, best first. Each of the maps (P,count,6) of weights (P,count) descends alone
+    beside its background (P,G,G). grids: the finest first; limits: see `births`."""
+    sets = torch.arange(len(maps), device=maps.device)
+    for number, how, left in heats:
+        measure, count = grids[number], maps.shape[1]
+        moved, masses, errors = descend(
+            maps.reshape(-1, 1, 6), weights.reshape(-1, 1), measure, replace(how, largest=limits[0], smaller=limits[1]),
+            backgrounds=halve(backgrounds, measure.size), chosen=sets.repeat_interleave(count))
+        best = errors.view(-1, count).argsort(1)[:, :left]
+        maps = moved.view(-1, count, 6)[sets[:, None], best]
+        weights = masses.view(-1, count)[sets[:, None], best]
+    return maps, weights
 
 
 def _wanted(lacking: Tensor, measure: BinnedMeasure) -> Tensor:

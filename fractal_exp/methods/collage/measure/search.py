@@ -21,7 +21,7 @@ from ..bins import binned, grid_for
 from ..limits import SMALLER, largest_for, limited
 from ..params import CollageParams
 from ..state import Candidate
-from .births import LARGE, LEAST_RATIO, MEDIUM, SMALL, Birthplace
+from .births import LARGE, LEAST_RATIO, MEDIUM, SMALL, births
 
 COARSER = 2                  # times fewer cells per side of the grid on which random sets and new maps first descend
 # Of a score.
@@ -250,13 +250,13 @@ class MeasureSearch:
 
     def _with_births(self, sets: list[_Ruined], g: torch.Generator) -> list[_Ruined]:
         """The sets with their new maps. Maps are added one after another, but to all sets at once."""
-        place = Birthplace(self.measure, self.coarse, (self.largest, self.smaller_limit), self.regime.candidates,
-                           self.params.births)
         for turn in range(max(each.births for each in sets)):
             active = [i for i, each in enumerate(sets) if turn < each.births]
             backgrounds = torch.stack([self._explained(sets[i].maps, sets[i].weights) for i in active])
             sizes = [LARGE if sets[i].large and turn == 0 else self.regime.sizes for i in active]
-            born, masses = place.births(backgrounds, sizes, 1 - self.params.search.slack, g)
+            born, masses = births((self.measure, self.coarse), backgrounds, sizes, self.regime.candidates,
+                                  1 - self.params.search.slack, (self.largest, self.smaller_limit),
+                                  self.params.births, g)
             for row, i in enumerate(active):
                 best = torch.rand((), generator=g) < BEST_BIRTH
                 pick = 0 if best else int(torch.randint(born.shape[1], (), generator=g))

@@ -6,30 +6,27 @@ A new map is the best of many candidates, judged first by the measure and finall
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import torch
 from torch import Tensor
 
 from ....ifs import affine
-from ....ops.collage import BinnedMeasure, Descent, descend
+from ....ops.collage import BinnedMeasure, Descent
 from ..bins import halve
 from ..image.objective import ImageObjective, Rendered, error_of
 from ..limits import SMALLER
-from ..measure.births import candidates, mirrored, narrowed, reoriented, thinness, visible_weights
+from ..measure.births import Heat, candidates, mirrored, narrowed, raced, reoriented, thinness, visible_weights
 from ..simplify.loop import Draft
 from .tools import Tools
 
-CANDIDATES = 24      # per birth, all of which descend on the coarse grid
-KEPT = 6             # candidates that also descend on the fine grid
-RENDERED = 3         # candidates that are rendered, which takes longest
+CANDIDATES = 24      # per birth
 BLOBS = CANDIDATES // 2   # candidates that take the shape of the uncovered blob; the others are random
 THIN = 0.1           # ratio of width to length below which a map's image is a line
 SIZES = 0.02, 0.95   # range of the larger singular value at birth
 WIDTHS = 1.0, 0.25, 0.03   # factors on the width of a new map's image that are rendered; the last, of a reoriented line
 VISIBLE_SHARES = 1.0, 0.5, 0.25, 0.1, 0.04, 0.015, 0.006   # of a map's weight that are tried: a thin image shows little
-ROUGH = Descent(40, rate=0.02, smaller=SMALLER, prior=0.0)   # of all candidates
-FINE = Descent(20, rate=0.005, smaller=SMALLER, prior=0.0)   # of those kept
+# Three candidates are left, because they are rendered, which takes longest.
+HEATS = Heat(1, Descent(40, rate=0.02, prior=0.0), 6), Heat(0, Descent(20, rate=0.005, prior=0.0), 3)
 REMOVED = 3          # maps, at most, that one move removes: small maps that compensate for a wrong map hold it in place
 ORDERS = 2, 3        # of the roots that are tried: square and cube roots
 ROOT_HOPEFUL = 30.0  # a root alone is tried with its company up to this factor on the error before, or on `ROOT_LEAST`
@@ -112,20 +109,16 @@ def with_new_map(tools: Tools, rest: Rendered, shown: Rendered, old: Tensor | No
         wanted = (measure.bins.clamp_min(0).sqrt() - explained.clamp_min(0).sqrt()).square() + 1e-12
         place = wanted if births.residual else measure.bins
         born = candidates(place, wanted, measure, SIZES, CANDIDATES, BLOBS, births, g)
-    background, coarsely = explained[None], halve(explained[None], coarse.size)
     lacking = (measure.bins - explained).clamp_min(0).sum()
     weights = (affine.volumes(born) / volume).clamp_max(lacking).clamp_min(1e-6)
-    weights = visible_weights(born, weights, coarse, coarsely, VISIBLE_SHARES)
-    rough, fine = (replace(how, largest=objective.largest) for how in (ROUGH, FINE))
-    born, weights, errors = descend(born[:, None], weights[:, None], coarse, rough, backgrounds=coarsely)
-    best = errors.argsort()[:KEPT]
-    born, weights, errors = descend(born[best], weights[best], measure, fine, backgrounds=background)
-    best = errors.argsort()[:RENDERED]
-    renderings += _rendered(tools, rest, measure, born[best, 0], weights[best, 0])
+    weights = visible_weights(born, weights, coarse, halve(explained[None], coarse.size), VISIBLE_SHARES)
+    (born,), (weights,) = raced(born[None], weights[None], (measure, coarse), HEATS, explained[None],
+                                (objective.largest, SMALLER))
+    renderings += _rendered(tools, rest, measure, born, weights)
     likeliest = min(renderings, key=error_of).maps[-1]
     models = [model for model in (likeliest, old) if model is not None] if tools.params.moves.mirrored else []
     for model in models:
-        renderings += [with_map(objective, rest, each, weights[best[0], 0]) for each in mirrored(model, measure)]
+        renderings += [with_map(objective, rest, each, weights[0]) for each in mirrored(model, measure)]
     return min(renderings, key=error_of)
 
 

@@ -43,9 +43,7 @@ class Heat(NamedTuple):
     left: int
 
 
-# Most candidates that have lost after a quarter of the steps on the coarse grid would have lost after all.
-HEATS = (Heat(1, Descent(10, rate=0.06, prior=0.0), 16), Heat(1, Descent(30, rate=0.03, prior=0.0), 4),
-         Heat(0, Descent(15, rate=0.01, prior=0.0), 4))
+HEATS = Heat(1, Descent(40, rate=0.04, prior=0.0), 4), Heat(0, Descent(15, rate=0.01, prior=0.0), 4)
 
 
 def births(grids: Sequence[BinnedMeasure], backgrounds: Tensor, sizes: list[Interval], count: int, total: float,

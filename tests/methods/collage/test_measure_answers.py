@@ -11,7 +11,7 @@ from fractal_exp import suite
 from fractal_exp.ifs import affine, attractor
 from fractal_exp.images.levels import meaning_of
 from fractal_exp.methods.collage.bins import correction, halve
-from fractal_exp.methods.collage.measure.births import Heat, candidates, raced
+from fractal_exp.methods.collage.measure.births import candidates, raced
 from fractal_exp.methods.collage.measure.search import MeasureSearch, Regime
 from fractal_exp.ops.collage import BinnedMeasure, Descent, descend, pushforward
 from fractal_exp.ops.collage.reference import displacement_squared
@@ -127,11 +127,11 @@ def test_a_race_is_won_by_what_each_background_lacks():
     lacking = images.flip(0)   # the first lacks the first tile, the second the other
 
     def winners(*heats):
-        return raced(entrants, weights, grids, heats, lacking, (0.99, 0.99))[0]
+        return raced(entrants, weights, grids[-len(heats):], heats, lacking, (0.99, 0.99))[0]
 
-    torch.testing.assert_close(winners(Heat(1, still, 2)), torch.stack([tiles, tiles.flip(0)]) + 0.01)  # best first
-    torch.testing.assert_close(winners(Heat(1, still, 2), Heat(0, still, 1)), tiles[:, None] + 0.01)
-    moved = winners(Heat(1, Descent(30, rate=0.01, prior=0.0), 1), Heat(0, Descent(30, rate=0.01, prior=0.0), 1))
+    torch.testing.assert_close(winners((still, 2)), torch.stack([tiles, tiles.flip(0)]) + 0.01)  # best first
+    torch.testing.assert_close(winners((still, 2), (still, 1)), tiles[:, None] + 0.01)
+    moved = winners((Descent(30, rate=0.01, prior=0.0), 1), (Descent(30, rate=0.01, prior=0.0), 1))
     torch.testing.assert_close(moved[:, 0], tiles, atol=4e-3, rtol=0)
 
 

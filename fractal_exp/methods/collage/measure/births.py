@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import torch
 from torch import Tensor
@@ -31,19 +30,10 @@ BLOB_LEAST_WIDTH = 0.15        # standard deviation, cells, whose square is adde
 BLOB_STEPS = 3                 # of mean shift (Fukunaga and Hostetler 1975), which finds the centre of a blob
 LEAST_WIDTH = 1e-3   # canvas units, whose square is added to the covariance of the image of a map to reorient
 TURNED = 0.97        # upper limit of the singular values of a reoriented map
+# Descents of candidates on a coarse and a fine grid, and how many are left after each
+HEATS = (Descent(40, rate=0.04, prior=0.0), 4), (Descent(15, rate=0.01, prior=0.0), 4)
 LEAST_PART = 0.3   # share of a measure that lies in a part of it at least
 REGULAR = 1e-8   # canvas units², added to the covariance of a measure: without it, a shape on a line has no inverse
-
-
-class Heat(NamedTuple):
-    """A part of a race of candidates: the grid's number, 0 the finest, the descent on it, and how many are left."""
-
-    grid: int
-    how: Descent
-    left: int
-
-
-HEATS = Heat(1, Descent(40, rate=0.04, prior=0.0), 4), Heat(0, Descent(15, rate=0.01, prior=0.0), 4)
 
 
 def births(grids: Sequence[BinnedMeasure], backgrounds: Tensor, sizes: list[Interval], count: int, total: float,
@@ -64,13 +54,13 @@ def births(grids: Sequence[BinnedMeasure], backgrounds: Tensor, sizes: list[Inte
     return raced(born, weights.clamp_min(LEAST_WEIGHT), grids, HEATS, backgrounds, limits)
 
 
-def raced(maps: Tensor, weights: Tensor, grids: Sequence[BinnedMeasure], heats: Sequence[Heat], backgrounds: Tensor,
-          limits: tuple[float, float]) -> tuple[Tensor, Tensor]:
+def raced(maps: Tensor, weights: Tensor, grids: Sequence[BinnedMeasure], heats: Sequence[tuple[Descent, int]],
+          backgrounds: Tensor, limits: tuple[float, float]) -> tuple[Tensor, Tensor]:
     """The winners of a race of candidates, best first. Each of the maps (P,count,6) of weights (P,count) descends alone
-    beside its background (P,G,G). grids: the finest first; limits: see `births`."""
+    beside its background (P,G,G), on the last of the grids first. heats, limits: see `HEATS` and `births`."""
     sets = torch.arange(len(maps), device=maps.device)
-    for number, how, left in heats:
-        measure, count = grids[number], maps.shape[1]
+    for measure, (how, left) in zip(reversed(grids), heats, strict=True):
+        count = maps.shape[1]
         moved, masses, errors = descend(
             maps.reshape(-1, 1, 6), weights.reshape(-1, 1), measure, replace(how, largest=limits[0], smaller=limits[1]),
             backgrounds=halve(backgrounds, measure.size), chosen=sets.repeat_interleave(count))

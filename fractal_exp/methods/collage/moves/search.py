@@ -6,8 +6,10 @@ to nothing but are still seen, and small copies in a wrong orientation. A render
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from typing import NamedTuple
 
 import torch
 
@@ -29,10 +31,18 @@ OTHER_OWN_WEIGHTS = 1.0   # `MoveParams.own_weights` of linear grey levels, whic
 RENDERED_RATIO = 1.1, 6.0   # noise ratios between which a Jacobian from renderings helps: above noise, and nearly right
 
 
-# Moves make another code, from a code and a random stream. The odds of a move in `MoveParams` have its name. A new move
-# is a function, an entry here and in `ImageSearch.odds`, and its odds there.
-MOVES = {"birth": with_birth, "reorient": with_reorientation, "replace": with_replacement, "remove": with_removal,
-         "root": with_root}
+class Move(NamedTuple):
+    """neighbour: another code, from a code and a random stream; least: maps that the code must have; more: the maps
+    that the other has more, negative if it has fewer."""
+
+    neighbour: Callable[[Tools, Rendered, torch.Generator], Rendered]
+    least: int
+    more: int
+
+
+# The odds of a move in `MoveParams` have its name. A new move is a function, an entry here and its odds there.
+MOVES = {"birth": Move(with_birth, 1, 1), "reorient": Move(with_reorientation, 2, 0),
+         "replace": Move(with_replacement, 2, 0), "remove": Move(with_removal, 3, -1), "root": Move(with_root, 3, -1)}
 
 
 class ImageSearch(Tools):
@@ -68,19 +78,18 @@ class ImageSearch(Tools):
         odds = self.odds(len(shown.maps))
         if not any(odds):
             return now
-        move = list(MOVES.values())[int(torch.multinomial(torch.tensor(odds), 1, generator=g))]
-        new = move(self, shown, g)
+        chosen = list(MOVES.values())[int(torch.multinomial(torch.tensor(odds), 1, generator=g))]
+        new = chosen.neighbour(self, shown, g)
         if self.score(new) >= self.score(shown):
             return now
         return self.candidate(self.polished(new, ACCEPTED_STEPS))
 
     def odds(self, maps: int) -> list[float]:
         """Of each move; 0 of those that a code of so many maps does not admit."""
-        asked, most = self.params.maps, self.params.most_maps
-        may_lose = maps > 2 and not asked
-        is_open = {"birth": maps < (asked or most or maps + 1), "reorient": maps > 1, "replace": maps > 1,
-                   "remove": may_lose, "root": may_lose}
-        return [float(getattr(self.params.moves, name) * is_open[name]) for name in MOVES]
+        asked = self.params.maps
+        most = asked or self.params.most_maps or maps + 1
+        return [getattr(self.params.moves, name) if maps >= move.least and (
+            maps < most if move.more > 0 else move.more == 0 or not asked) else 0.0 for name, move in MOVES.items()]
 
     def cleaned(self, now: Candidate) -> Candidate:
         """Prune and polish the code for many steps; keep the result if it is better."""

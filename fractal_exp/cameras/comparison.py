@@ -89,7 +89,8 @@ class Comparison:
 
     def error(self, rendering: Tensor) -> float:
         """The error of a rendering (R,R); lower is better."""
-        sums = torch.stack([residual.square().sum() for residual in self.residuals(rendering)]).tolist()
+        residuals = self.residuals(rendering)
+        sums = torch.stack([each.square().sum(dtype=torch.float64) for each in residuals]).tolist()
         parts = [each / n for each, n in zip(sums, self.lit, strict=True)]
         return 2 * self.subpixels * sum(parts) / len(parts)
 

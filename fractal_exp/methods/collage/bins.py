@@ -1,4 +1,8 @@
-"""Measures on grids, from the masses of an image, and the correction of these masses where grey levels saturate."""
+"""Measures on grids, from the masses of an image, and the correction of these masses where grey levels saturate.
+
+Sums over images are taken in double precision: torch shares them out among its threads, and in single precision their
+last digits, on which a whole search depends, would tell the number of threads.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +37,7 @@ def binned(masses: Tensor, size: int, grids: int = BinnedMeasure.grids) -> Binne
     """The measure of an image's masses (R,R) on a grid of `size` cells per side. Its samples are the centroids of lit
     cells of the same grid, or the pixels if those are larger. grids: how many are compared."""
     resolution = masses.shape[0]
-    masses = (masses / masses.sum()).float()
+    masses = (masses / masses.sum(dtype=torch.float64)).float()
     row = torch.arange(resolution, device=masses.device)
     cells = min(size, resolution)
     cell = row * cells // resolution
@@ -69,7 +73,7 @@ def halve(bins: Tensor, size: int) -> Tensor:
 def saturation_corrected(masses: Tensor, code: IFS, levels: Levels, params: SaturationParams, seed: int) -> Tensor:
     """The masses (R,R) of an image times `correction`, summing to 1."""
     corrected = masses * correction(masses, code, levels, params, seed)
-    return corrected / corrected.sum()
+    return corrected / corrected.sum(dtype=torch.float64)
 
 
 def correction(masses: Tensor, code: IFS, levels: Levels, params: SaturationParams, seed: int) -> Tensor:
@@ -88,10 +92,10 @@ def correction(masses: Tensor, code: IFS, levels: Levels, params: SaturationPara
     bins = point_counts(points, resolution).to(masses) / len(points)
     estimate = levels.measure(levels.render(code, resolution, seed).to(masses))
     if levels.known is not None:  # what lies off the canvas is not in the estimate
-        bins = bins / bins.sum().clamp_min(1e-9)
+        bins = bins / bins.sum(dtype=torch.float64).clamp_min(1e-9)
     if not bool(estimate.any()):  # too thin for a binary image
         return torch.ones_like(masses)
-    usual = 1 / estimate.sum()
+    usual = 1 / estimate.sum(dtype=torch.float64)
     known, shown, seen = (avg_pool2d(image[None, None], WINDOW, 1, WINDOW // 2)[0, 0]
                           for image in (bins, estimate, masses))
     ratio = torch.where(shown > 1e-9, (known / usual + WEAK) / (shown + WEAK), 1)

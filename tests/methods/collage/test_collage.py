@@ -16,7 +16,7 @@ from collage_helpers import (
     small,
     tied,
 )
-from ops_helpers import check_descent, check_pushforward, check_pushforward_gradients, tiling_problem
+from ops_helpers import check_descent, check_pushforward, check_pushforward_gradients, numba_threads, tiling_problem
 
 from fractal_exp import IFS, InputError, codes, suite
 from fractal_exp.evaluation import evaluate
@@ -118,6 +118,19 @@ def test_the_triangle_is_found(triangle, kind, least):
     found = small(search={"moves": 8, "detail_moves": 3}, moves={"count": 3}).reconstruct(image).code
     table = evaluate(found, code, resolution=128, align="none")
     assert table.f1.mean() > least
+
+
+def test_the_code_does_not_depend_on_the_number_of_threads(triangle):
+    image = suite.target(triangle[0], 256)   # of so many pixels, torch shares out a sum among its threads
+    found, before = [], torch.get_num_threads()
+    try:
+        for threads in (1, 2):
+            torch.set_num_threads(threads)
+            with numba_threads(threads):
+                found.append(small(search={"moves": 4}, moves={"count": 2}).reconstruct(image).code)
+    finally:
+        torch.set_num_threads(before)
+    assert torch.equal(found[0].linear, found[1].linear) and torch.equal(found[0].offset, found[1].offset)
 
 
 def test_a_candidate_beside_the_canvas_is_rendered_without_a_word(caplog):

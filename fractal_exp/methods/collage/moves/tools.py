@@ -74,7 +74,7 @@ class CorrectedMeasure:
         size, known, resolution = grid_for(masses.shape[0], params.moves.grid), objective.levels.known, len(masses)
         grids = [seen(corrected, cells, known) for cells in (size, size // 2)]
         fine, coarse = completed(grids, code, resolution, known, seed)
-        return cls(fine, coarse, factors, corrected.sum())
+        return cls(fine, coarse, factors, corrected.sum(dtype=torch.float64))
 
     def explained(self, rendered: Rendered, volume: Tensor, objective: ImageObjective) -> Tensor:
         """The part (G,G) of the measure that maps of a code of this volume tile, or that their rendering shows. If a
@@ -86,7 +86,7 @@ class CorrectedMeasure:
         drawn = objective.levels.measure(rendered.image) * self.correction
         if bool(drawn.any()):
             shown = binned(drawn, measure.size)
-            tiled = torch.maximum(tiled, shown.bins * (drawn.sum() / self.total))
+            tiled = torch.maximum(tiled, shown.bins * (drawn.sum(dtype=torch.float64) / self.total))
         return torch.minimum(tiled, measure.bins)
 
 

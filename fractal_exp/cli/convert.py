@@ -33,6 +33,7 @@ examples
 
 
 def main(arguments: list[str] | None = None) -> None:
+    """The command `fractal-convert`. arguments: those of the process if None."""
     parser = command_parser("fractal-convert", DESCRIPTION)
     parser.add_argument("codes", nargs="+", metavar="code", help=CODE_HELP)
     parser.add_argument("out", help="file to write")
@@ -43,6 +44,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def convert(options: argparse.Namespace) -> None:
+    """Write what the command line asks for."""
     from ..ifs import formats
     from .code_names import read_code, read_codes
 

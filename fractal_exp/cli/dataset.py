@@ -33,6 +33,7 @@ examples
 
 
 def main(arguments: list[str] | None = None) -> None:
+    """The command `fractal-dataset`. arguments: those of the process if None."""
     parser = command_parser("fractal-dataset", DESCRIPTION)
     parser.add_argument("codes", nargs="+", help="a folder of files of codes, a file with one or several, FILE:NAME, a "
                         "classic, suite:INDEX, or random:COUNT or random:COUNT:SEED for so many codes as in the suite")
@@ -53,6 +54,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def write_dataset(options: argparse.Namespace) -> None:
+    """Write what the command line asks for."""
     from ..datasets import Fractals, write
     from ..runtime.bars import progress_bar
 

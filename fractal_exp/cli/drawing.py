@@ -39,6 +39,7 @@ ZOOM_SECONDS, PASSAGE_SECONDS = 12.0, 4.0
 
 
 def draw(options: argparse.Namespace) -> None:
+    """Draw what the command line asks for."""
     threads.use()
     started = time.perf_counter()
     _refuse_unused(options)

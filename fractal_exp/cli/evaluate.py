@@ -51,6 +51,7 @@ examples
 
 
 def main(arguments: list[str] | None = None) -> None:
+    """The command `fractal-evaluate`. arguments: those of the process if None."""
     parser = command_parser("fractal-evaluate", DESCRIPTION)
     parser.add_argument("codes", nargs="*", help="what to judge")
     parser.add_argument("--published", metavar="FOLDER", help="judge the paper's own codes, from its project page, at "

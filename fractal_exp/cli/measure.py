@@ -25,6 +25,7 @@ examples
 
 
 def main(arguments: list[str] | None = None) -> None:
+    """The command `fractal-measure`. arguments: those of the process if None."""
     parser = command_parser("fractal-measure", DESCRIPTION)
     parser.add_argument("measured", nargs="+", metavar="picture-or-code", help=f"a file of a picture, or {CODE_HELP}")
     parser.add_argument("--json", action="store_true", help="print a line of JSON for each, with all digits")
@@ -37,6 +38,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def measure(options: argparse.Namespace) -> None:
+    """Print what the command line asks for."""
     from ..dimension.samples import count_boxes, lacunarity
     from ..ifs import attractor
     from ..ifs.contraction import AVERAGE

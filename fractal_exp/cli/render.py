@@ -31,6 +31,7 @@ examples
 
 
 def main(arguments: list[str] | None = None) -> None:
+    """The command `fractal-render`. arguments: those of the process if None."""
     parser = command_parser("fractal-render", DESCRIPTION)
     parser.add_argument("code", nargs="+", help=f"{CODE_HELP}; several for a morph")
     parser.add_argument("out", help="file to write: .png for a still; .mp4, .webm, .gif, or a .png with %%04d in its "

@@ -18,6 +18,7 @@ examples
 
 
 def main(arguments: list[str] | None = None) -> None:
+    """The command `fractal-report`. arguments: those of the process if None."""
     parser = command_parser("fractal-report", DESCRIPTION)
     parser.add_argument("study", help="the study: ablations, comparisons, …")
     parser.add_argument("--sweep", help="which of its sweeps, by name or run (default: the newest)")
@@ -27,6 +28,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def report_sweep(options: argparse.Namespace) -> None:
+    """Report on the sweep that the command line names."""
     from .. import tracking
     from ..studies import report
     from ..studies.writing import write

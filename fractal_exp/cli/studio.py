@@ -23,6 +23,7 @@ examples
 
 
 def main(arguments: list[str] | None = None) -> None:
+    """The command `fractal-studio`. arguments: those of the process if None."""
     parser = command_parser("fractal-studio", DESCRIPTION)
     parser.add_argument("--port", type=int, default=8421, help="of this machine; 0: any that is free")
     parser.add_argument("--output", metavar="FOLDER", default="outputs/studio", help="that codes are saved in")
@@ -31,6 +32,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def offer(options: argparse.Namespace) -> None:
+    """Do what the command line asks for."""
     from ..studio.serving import serve
 
     threads.use(1)  # the search has a process of its own

@@ -29,6 +29,7 @@ examples
 
 
 def main(arguments: list[str] | None = None) -> None:
+    """The command `fractal-suite`. arguments: those of the process if None."""
     parser = command_parser("fractal-suite", DESCRIPTION)
     parser.add_argument("folder", help="where to write")
     parser.add_argument("--count", type=int, default=COUNT, help="how many fractals")
@@ -41,6 +42,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def write_suite(options: argparse.Namespace) -> None:
+    """Write what the command line asks for."""
     from torch.nn.functional import adaptive_avg_pool2d
 
     from ..ifs import attractor

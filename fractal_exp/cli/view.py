@@ -23,6 +23,7 @@ examples
 
 
 def main(arguments: list[str] | None = None) -> None:
+    """The command `fractal-view`. arguments: those of the process if None."""
     parser = command_parser("fractal-view", DESCRIPTION)
     parser.add_argument("code", help=CODE_HELP)
     parser.add_argument("-o", "--output", help="file to write, .html (default: the code's name in this folder)")
@@ -36,6 +37,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def write(options: argparse.Namespace) -> None:
+    """Write the page that the command line asks for."""
     from ..ifs.code import View
     from .code_names import read_code
 

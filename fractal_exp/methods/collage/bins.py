@@ -1,7 +1,7 @@
 """Measures on grids, from the masses of an image, and the correction of these masses where grey levels saturate.
 
-Sums over images are taken in double precision: torch shares them out among its threads, and in single precision their
-last digits, on which a whole search depends, would tell the number of threads.
+Sums over images have double precision. torch shares a sum out among its threads, and in single precision its last
+digits depend on their number. A whole search depends on these digits.
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ USUAL = 60.0
 
 UNITS = (("days", 86400), ("h", 3600), ("min", 60), ("s", 1))
 
-Thing = TypeVar("Thing")
+Item = TypeVar("Item")
 
 _compiling = 0.0   # processor seconds
 
@@ -72,9 +72,9 @@ class Deadline:
         """Whether time is up."""
         return self.used >= 1
 
-    def during(self, things: Iterable[Thing]) -> Iterator[Thing]:
-        """The things, one after another, until time is up."""
-        return takewhile(lambda _: not self.passed, things)
+    def during(self, items: Iterable[Item]) -> Iterator[Item]:
+        """One item after another, until time is up."""
+        return takewhile(lambda _: not self.passed, items)
 
     def until(self, share: float) -> Deadline:
         """The deadline of what must end when this share of the time has passed."""

@@ -131,6 +131,9 @@ def test_a_race_is_won_by_what_each_background_lacks():
 
     torch.testing.assert_close(winners((still, 2)), torch.stack([tiles, tiles.flip(0)]) + 0.01)  # best first
     torch.testing.assert_close(winners((still, 2), (still, 1)), tiles[:, None] + 0.01)
+    shrunk, _ = raced(entrants, weights, grids, [(Descent(1, prior=0.0), 1)] * 2, lacking, (0.4, 0.3))
+    torch.testing.assert_close(torch.linalg.svdvals(shrunk[:, 0, :4].unflatten(1, (2, 2))),
+                               torch.tensor([[0.4, 0.3]]).expand(2, 2), atol=1e-3, rtol=0)
     moved = winners((Descent(30, rate=0.01, prior=0.0), 1), (Descent(30, rate=0.01, prior=0.0), 1))
     torch.testing.assert_close(moved[:, 0], tiles, atol=4e-3, rtol=0)
 

@@ -98,6 +98,15 @@ def test_every_move_has_odds_of_its_own():
     assert set(MOVES) <= set(type(CollageParams().moves).model_fields)
 
 
+@pytest.mark.parametrize(("maps", "options", "open_moves"), [
+    (1, {}, {"birth"}), (2, {}, {"birth", "reorient", "replace"}), (3, {}, set(MOVES)),
+    (3, {"maps": 3}, {"reorient", "replace"}), (2, {"maps": 3}, {"birth", "reorient", "replace"}),
+    (4, {"at_most": 4}, set(MOVES) - {"birth"})])
+def test_a_code_admits_the_moves_for_which_it_has_maps(maps, options, open_moves, triangle):
+    odds = image_search(triangle[1], **options).odds(maps)
+    assert {name for name, each in zip(MOVES, odds, strict=True) if each} == open_moves
+
+
 def test_no_move_is_made_where_all_are_switched_off(triangle):
     search = image_search(triangle[1], moves=dict.fromkeys(MOVES, 0.0))
     now = search.judged(tied(affine.from_code(triangle[0])))

@@ -79,6 +79,7 @@ class Jacobian(ABC):
         return self.weights
 
     def seen(self, objective: ImageObjective, step: Tensor) -> ImageObjective:
+        """The objective after a step of the camera."""
         levels = objective.levels
         moved = {levels.values[k]: value * unit for value, (k, j, unit) in zip(step.tolist(), self.units, strict=True)
                  if j == CAMERA}

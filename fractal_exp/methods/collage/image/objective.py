@@ -88,6 +88,7 @@ class ImageObjective(Comparison):
         return replace(rendered, error=rendered.error + misses / (self.lit[0] * len(self.lit)))
 
     def without(self, rendered: Rendered, gone: list[int]) -> Rendered:
+        """The code without some of its maps."""
         keep = [i for i in range(len(rendered.maps)) if i not in gone]
         return self.judge(rendered.maps[keep], None if rendered.weights is None else rendered.probabilities[keep])
 

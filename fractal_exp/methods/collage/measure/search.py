@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 from torch import Tensor
+from torch.nn.utils.rnn import pad_sequence
 
 from ....cameras.points import TRAJECTORY, WARMUP
 from ....ifs import affine
@@ -227,9 +228,9 @@ class MeasureSearch:
 
     def _neighbours(self, sets: list[tuple[Tensor, Tensor]]) -> list[tuple[Tensor, Tensor, float]]:
         """Sets of maps (N,6) and weights (N,) after descent, with their errors."""
-        maps, weights, errors = self.descend_batch(*_padded(sets), NEIGHBOUR)
-        counts = [len(each) for each, _ in sets]
-        return [(maps[i, :n], weights[i, :n], float(errors[i])) for i, n in enumerate(counts)]
+        padded, shares = (pad_sequence([each[k] for each in sets], batch_first=True) for k in (0, 1))
+        maps, weights, errors = self.descend_batch(padded, shares, NEIGHBOUR)   # a weight of 0: no map
+        return [(maps[i, :len(m)], weights[i, :len(m)], float(errors[i])) for i, (m, _) in enumerate(sets)]
 
     def _ruined(self, now: Candidate, g: torch.Generator) -> _Ruined:
         """The set without some maps, which are close together or anywhere."""
@@ -315,10 +316,3 @@ class MeasureSearch:
         weights = torch.stack([now.own_weights[leader == i].sum() for i in leaders])
         merged = self.judged(*self.descend_one(now.maps[leaders], weights, MERGE))
         return merged if merged.score < now.score else now
-
-
-def _padded(sets: list[tuple[Tensor, Tensor]]) -> tuple[Tensor, Tensor]:
-    """One batch (B,N,6), (B,N) of sets of different sizes. Weights are zero where there is no map."""
-    most = max(len(maps) for maps, _ in sets)
-    maps = torch.stack([torch.cat([m, m.new_zeros(most - len(m), 6)]) for m, _ in sets])
-    return maps, torch.stack([torch.cat([w, w.new_zeros(most - len(w))]) for _, w in sets])

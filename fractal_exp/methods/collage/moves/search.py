@@ -32,8 +32,8 @@ RENDERED_RATIO = 1.1, 6.0   # noise ratios between which a Jacobian from renderi
 
 
 class Move(NamedTuple):
-    """neighbour: another code, from a code and a random stream; least: maps that the code must have; more: the maps
-    that the other has more, negative if it has fewer."""
+    """neighbour: another code, from a code and a random stream; least: how many maps the code must have; more: 1 if the
+    other code has more maps, 0 if it has as many, -1 if it has fewer."""
 
     neighbour: Callable[[Tools, Rendered, torch.Generator], Rendered]
     least: int
@@ -86,10 +86,10 @@ class ImageSearch(Tools):
 
     def odds(self, maps: int) -> list[float]:
         """Of each move; 0 of those that a code of so many maps does not admit."""
-        asked = self.params.maps
-        most = asked or self.params.most_maps or maps + 1
-        return [getattr(self.params.moves, name) if maps >= move.least and (
-            maps < most if move.more > 0 else move.more == 0 or not asked) else 0.0 for name, move in MOVES.items()]
+        asked, moves = self.params.maps, self.params.moves
+        admits = {1: maps < (asked or self.params.most_maps or maps + 1), 0: True, -1: not asked}
+        return [getattr(moves, name) if maps >= move.least and admits[move.more] else 0.0
+                for name, move in MOVES.items()]
 
     def cleaned(self, now: Candidate) -> Candidate:
         """Prune and polish the code for many steps; keep the result if it is better."""
@@ -109,6 +109,7 @@ class ImageSearch(Tools):
         return self.firmly_polished(self.shown(self.last_polished(now)))
 
     def firmly_polished(self, shown: Rendered) -> Candidate:
+        """The code polished firmly in the frame of a binary image."""
         return self.candidate(firmly_framed(self.objective, shown, self.deadline))
 
     def last_polished(self, now: Candidate) -> Candidate:
@@ -137,6 +138,7 @@ class ImageSearch(Tools):
         return self.candidate(self.objective.judge(found.shown.maps, found.shown.weights)) if found.fixed else None
 
     def judged(self, candidate: Candidate) -> Candidate:
+        """The candidate with its error and score by this objective."""
         return self.candidate(self.objective.judge(candidate.maps, candidate.weights))
 
     def is_settled(self, now: Candidate, moves: int) -> bool:

@@ -25,7 +25,7 @@ THIN = 0.1           # ratio of width to length below which a map's image is a l
 SIZES = 0.02, 0.95   # range of the larger singular value at birth
 WIDTHS = 1.0, 0.25, 0.03   # factors on the width of a new map's image that are rendered; the last, of a reoriented line
 VISIBLE_SHARES = 1.0, 0.5, 0.25, 0.1, 0.04, 0.015, 0.006   # of a map's weight that are tried: a thin image shows little
-HEATS = (Descent(40, rate=0.02, prior=0.0), 6), (Descent(20, rate=0.005, prior=0.0), 3)   # few are left: each is drawn
+HEATS = (Descent(40, rate=0.02, prior=0.0), 6), (Descent(20, rate=0.005, prior=0.0), 3)   # see `births.HEATS`
 REMOVED = 3          # maps, at most, that one move removes: small maps that compensate for a wrong map hold it in place
 ORDERS = 2, 3        # of the roots that are tried: square and cube roots
 ROOT_HOPEFUL = 30.0  # a root alone is tried with its company up to this factor on the error before, or on `ROOT_LEAST`

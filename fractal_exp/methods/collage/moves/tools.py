@@ -48,6 +48,7 @@ class Latest(Generic[Value]):
         return self.kept[numbers]
 
     def keep(self, code: WeightedMaps, value: Value) -> None:
+        """Keep a value that is known already."""
         self.kept = {_numbers(code): value}
 
 
@@ -113,9 +114,11 @@ class Tools:
         return self.price.score(rendered.error, len(rendered.maps)) + MISSING * missing
 
     def pruned(self, rendered: Rendered) -> Rendered:
+        """The code without maps that are not worth their price."""
         return pruned(self.objective, rendered, self.price, self.deadline)
 
     def polished(self, rendered: Rendered, steps: int, moving: Sequence[int] | None = None) -> Rendered:
+        """The code after at most `steps` Gauss-Newton steps."""
         return polished(self.objective, rendered, steps, moving, deadline=self.deadline)
 
     def polished_last(self, new: Rendered, shown: Rendered) -> Rendered:

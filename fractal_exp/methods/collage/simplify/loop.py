@@ -37,6 +37,7 @@ class Draft:
     frame: Frame | None = None
 
     def judged(self, maps: Tensor, weights: Tensor | None) -> Draft:
+        """Other maps with the same camera."""
         return Draft(self.objective, self.objective.judge(maps, weights))
 
 
@@ -57,6 +58,7 @@ class Price:
 
     @classmethod
     def of_drawn(cls, objective: ImageObjective) -> Price:
+        """The price in a picture that others drew."""
         return cls(worse=DRAWN_WORSE, noise=objective.error_at(DRAWN_NOISE))
 
     def score(self, error: float, maps: int) -> float:
@@ -65,10 +67,12 @@ class Price:
 
 
 def unpolished(draft: Draft, deadline: Deadline) -> Iterator[Draft]:
+    """The code as it is."""
     yield draft
 
 
 def maps_polished(steps: int) -> Polish:
+    """Polish all maps for so many steps."""
     def polish(draft: Draft, deadline: Deadline) -> Iterator[Draft]:
         yield Draft(draft.objective, polished(draft.objective, draft.shown, steps, deadline=deadline))
     return polish

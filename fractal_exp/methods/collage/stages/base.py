@@ -166,8 +166,8 @@ class SearchProblem:
         key = measured_through, *_bytes_of(code)
         if key not in self._cameras:
             levels = with_camera(self.levels, measured_through)
-            seed = derive(self.seed, "camera")
-            self._cameras[key] = estimated(self.image, levels, code, seed) or self.levels.camera
+            found = estimated(self.image, levels, code, derive(self.seed, "camera"))
+            self._cameras[key] = found or self.levels.camera
         return self._cameras[key]
 
     def angle_as_density(self, code: IFS) -> float:
@@ -176,8 +176,7 @@ class SearchProblem:
 
         key = tuple(_bytes_of(code))
         if key not in self._angles:
-            seed = derive(self.seed, "as density")
-            self._angles[key] = angle_as_density(self.image, self.levels, code, seed)
+            self._angles[key] = angle_as_density(self.image, self.levels, code, derive(self.seed, "as density"))
         return self._angles[key]
 
     def camera_of(self, found: Candidate) -> Camera:
@@ -186,13 +185,11 @@ class SearchProblem:
 
     @cached_property
     def _cameras(self) -> dict[tuple[object, ...], Camera]:
-        """The cameras estimated so far, by all that they depend on. One takes a second or two, and several stages ask
-        for that of the same code."""
+        """The cameras estimated so far, by all that they depend on: several stages ask for that of the same code."""
         return {}
 
     @cached_property
     def _angles(self) -> dict[tuple[bytes, ...], float]:
-        """The angles computed so far, as some take seconds."""
         return {}
 
     def objective(self, size: int, code: IFS, seed: int, renderings: int = 1,

@@ -44,6 +44,7 @@ class Crossing:
             self._advance(number)
 
     def start(self) -> Candidate:
+        """The best set of the first population."""
         return self._judged(0).candidate()
 
     def step(self, now: Candidate, number: int) -> Candidate:
@@ -60,6 +61,7 @@ class Crossing:
         return now
 
     def is_settled(self, now: Candidate) -> bool:
+        """Whether the code explains the image."""
         return now.error <= SETTLED * self.noise(now)
 
     def _begin(self, number: int) -> None:

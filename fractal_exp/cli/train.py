@@ -26,6 +26,7 @@ from ..methods import WITHOUT_CODE
 from ..methods.base import CodeReconstruction, Method, Reconstruction
 from ..methods.super_resolution.enlarged import Enlarged
 from ..rendering.colour import on_ground
+from ..rendering.sheets import comparison_strip
 from ..rendering.still import render
 from ..runtime import threads
 from ..runtime.extras import need
@@ -113,6 +114,9 @@ def _fit(config: DictConfig, held: ExitStack) -> dict[str, float]:
         sweep = config.sweep or {}
         judgement = judge(reconstruction, target, settings["evaluation"], perceptual, work.seconds,
                           ceiling=bool(sweep.get("ceiling")), in_frame=bool(sweep.get("in_frame")))
+        has_camera = isinstance(reconstruction, CodeReconstruction) and reconstruction.camera is not None
+        if target.truth is None and inversion is not None and has_camera:
+            judgement = _through_camera(judgement, inversion)
         if painted is not None and inversion is not None and inversion.code.colours is not None:
             judgement = _with_colours(judgement, inversion, painted)
         _keep(folder, run, judgement)
@@ -222,6 +226,15 @@ def _keep_inversion(folder: FitFolder, run: Tracker, work: Work, target: Target,
     if PAGE not in written:
         print("  no page    the code has more maps than a page shows")
     return inversion
+
+
+def _through_camera(judgement: Judgement, inversion: Inversion) -> Judgement:
+    """The judgement with pictures of what the camera that was found draws of the code, as a person compares it with the
+    input. The scores are those of the attractor."""
+    drawn = inversion.redrawn()
+    caption = f"whole, F1 {inversion.likeness.f1_1px:.3f} within a pixel"
+    strip = comparison_strip(drawn[None], inversion.target.image[None], [caption])
+    return replace(judgement, pictures=judgement.pictures | {"result": drawn, "comparison": strip})
 
 
 def _with_colours(judgement: Judgement, inversion: Inversion, painted: Painted) -> Judgement:

@@ -60,7 +60,7 @@ class Judgement:
         shown = [f"{NAMES.get(name, name)} {self.scores[f'eval/{name}']:.3f}" for name in names]
         whole = f"F1 {self.per_view['f1'].iloc[0]:.3f} on the whole one"
         judged, empty = self.counts["views/judged"], self.counts["views/empty"]
-        views = f"mean of {judged} views, {whole}" if len(self.per_view) > 1 else "against the input"
+        views = f"mean of {judged} views, {whole}" if len(self.per_view) > 1 else "the attractor against the input"
         views += f", {empty} more are empty in both" if empty else ""
         if left_out := self.counts.get("views/left_out"):
             views += f", {left_out} more are left out, as they are closer by than it can show"

@@ -9,12 +9,13 @@ import subprocess
 import sys
 import time
 
+import numpy as np
 import pytest
 from commands import run_here
 from omegaconf import OmegaConf
 from PIL import Image
 from processes import end_of, wait_for
-from train_helpers import TINY, train
+from train_helpers import TINY, own_method, train
 
 from fractal_exp import IFS, InputError
 from fractal_exp.cli import composed as program
@@ -57,6 +58,19 @@ def test_a_picture_is_fitted_scored_kept_and_tracked(picture, tmp_path, capsys):
     series = read_series(uri, run["run_id"], "train/loss")
     assert list(series["step"]) == [1, 2, 3, 4, 5, 6]
     assert any(file.name.startswith("strip+step+0") for file in tmp_path.glob("mlartifacts/*/artifacts/images/*"))
+
+
+@pytest.mark.parametrize("pen", [None, 0.1])
+def test_what_a_method_says_of_the_camera_draws_the_pictures_of_a_fit(pen, picture, tmp_path):
+    across, along = [[0.5, 0.0], [0.0, 0.0]], [[0.0, 0.0], [0.0, 0.5]]
+    cross = IFS([across, across, along, along], [[0.4, 0.0], [-0.4, 0.0], [0.0, 0.4], [0.0, -0.4]])
+    scores = train("target=image", f"target.path={picture}", f"output={tmp_path}", "tracking=none",
+                   *own_method(tmp_path, cross, pen))
+    folder = tmp_path / "fits" / "fit"
+    shown = np.asarray(Image.open(folder / "views" / "result.png").convert("L"))
+    redrawn = np.asarray(Image.open(folder / "redrawn.png").convert("L"))
+    assert bool((shown == redrawn).all()) == (pen is not None)
+    assert scores["eval/f1"] < 0.5, "every pixel of the attractor counts, whatever the pen"
 
 
 def test_a_finished_fit_is_not_repeated_on_resume_but_another_is_refused(picture, tmp_path, capsys):

@@ -4,8 +4,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 from configured import composed
+from omegaconf import OmegaConf
 
 from fractal_exp import IFS
+from fractal_exp.cameras.camera import Camera
 from fractal_exp.cli.train import fit
 from fractal_exp.methods.base import CodeReconstruction, Method
 
@@ -24,18 +26,20 @@ def own_task(folder: Path, task: Callable) -> list[str]:
 
 
 class Knowing(Method):
-    """A method whose answer lies in a file."""
+    """A method whose answer lies in a file. pen: the radius, canvas units, of the pen that it says drew the picture;
+    None: it says nothing of the camera."""
 
-    def __init__(self, file: str):
-        self.file = file
+    def __init__(self, file: str, pen: float | None = None):
+        self.file, self.known = file, None if pen is None else Camera("coverage", pen=pen)
 
     def reconstruct(self, target, *, on_step=None, checkpoint=None) -> CodeReconstruction:
-        return CodeReconstruction(IFS.load(self.file))
+        return CodeReconstruction(IFS.load(self.file), camera=self.known)
 
 
-def own_method(folder: Path, answer: IFS) -> list[str]:
+def own_method(folder: Path, answer: IFS, pen: float | None = None) -> list[str]:
     """The words with which a fit is by a method that has this answer; its files are put into the folder."""
     (folder / "method").mkdir(exist_ok=True)
     file = answer.save(folder / "method" / "answer.json")
-    (folder / "method" / "own.yaml").write_text(f"_target_: {__name__}.Knowing\nfile: {file}\n")
+    options = {"_target_": f"{__name__}.Knowing", "file": str(file), "pen": pen}
+    OmegaConf.save(OmegaConf.create(options), folder / "method" / "own.yaml")
     return [f"hydra.searchpath=[file://{folder}]", "method=own"]

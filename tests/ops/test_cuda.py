@@ -145,11 +145,3 @@ def test_the_benchmark_of_a_gpu_rehearses_without_one(tmp_path):
     assert [case["case"] for case in report["operations"]] == ["chaos game", "splat, paper", "splat, laptop"]
     assert all(case["plain_ms"] > case["floor_ms"] > 0 for case in report["operations"])
     assert {"rates", "views", "iteration", "fit", "environment"} <= set(report)
-
-
-@pytest.mark.parametrize("method", ["chaotic", pytest.param("collage", marks=pytest.mark.slow)])
-def test_the_fits_on_a_gpu_rehearse_without_one(method, tmp_path):
-    from benchmarks import gpu_fits
-
-    run_here(gpu_fits, "--rehearse", "--method", method, "--count", "1", "--iterations", "5", "--output", str(tmp_path))
-    assert IFS.load(tmp_path / "000.json").meta["method"] == method

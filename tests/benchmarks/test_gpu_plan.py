@@ -1,0 +1,66 @@
+"""What a GPU is asked first, within the minutes that there are."""
+
+from itertools import islice
+from pathlib import Path
+
+import pytest
+from commands import run_here
+
+from benchmarks import gpu_plan, record
+from benchmarks.gpu_plan import Item, Place
+
+SOMEWHERE = Place(Path("somewhere"))
+SLEEP = ("timeit", "-n1", "-r1", "import time; time.sleep(60)")
+
+
+def answer(item: str, ended: str = "done", kernels: str | None = None, seconds: float = 100.0) -> dict:
+    return {"item": item, "ended": ended, "kernels": kernels or gpu_plan.kernels(), "seconds": seconds}
+
+
+def next_name(*known: dict) -> str:
+    return next(gpu_plan.open_items(gpu_plan.items(SOMEWHERE), known)).name
+
+
+def test_the_tests_come_first_and_no_item_twice():
+    names = [item.name for item in islice(gpu_plan.items(SOMEWHERE), 60)]
+    assert names[0] == "tests" and len(set(names)) == 60
+
+
+@pytest.mark.parametrize(("known", "name"), [
+    ([], "tests"), ([answer("tests")], "stretched_levels"), ([answer("tests", "failed")], "stretched_levels"),
+    ([answer("tests", "time was up")], "tests"), ([answer("tests", kernels="others")], "tests")])
+def test_an_item_is_open_until_todays_kernels_have_answered_it(known, name):
+    assert next_name(*known) == name
+
+
+def test_the_time_that_an_item_took_takes_the_place_of_the_guess():
+    item = Item("tests", "", 3, ())
+    assert gpu_plan.expected(item, []) == 180
+    known = [answer("tests", seconds=10), answer("tests", seconds=50), answer("tests", "time was up", seconds=5)]
+    assert gpu_plan.expected(item, known) == pytest.approx(1.1 * 50)
+
+
+@pytest.mark.parametrize(("commands", "seconds", "ended"), [
+    ([("platform",), ("platform",)], 60, "done"), ([("platform",), ("no_such_module",)], 60, "failed"),
+    ([("platform",), SLEEP], 2, "time was up")])
+def test_commands_run_side_by_side_until_time_is_up(commands, seconds, ended, tmp_path):
+    found = gpu_plan.run(Item("some", "", 1, tuple(commands)), Place(tmp_path), seconds)
+    assert found["ended"] == ended and found["seconds"] < 30
+    assert len(found["printed"]) == 2 and found["printed"][0]
+
+
+def test_without_weights_nothing_begins(tmp_path):
+    status, printed = run_here(gpu_plan, "--output", str(tmp_path))
+    assert status == 2 and "--weights must name a file of torchvision's SqueezeNet 1.1, got None" in printed
+
+
+@pytest.mark.slow
+def test_a_rehearsal_answers_in_order_and_goes_on_where_it_ended(tmp_path):
+    words = ["--rehearse", "--output", str(tmp_path), "--items", "3"]
+    assert "left for another time: tests" in run_here(gpu_plan, *words, "--minutes", "0")[1]
+    status, printed = run_here(gpu_plan, *words, "--minutes", "6")
+    assert status == 0 and "left for another time: nothing" in printed
+    found = [each["figures"] for each in record.read(tmp_path / gpu_plan.RECORDS)]
+    assert [each["item"] for each in found] == ["tests", "stretched_levels", "released-0"]
+    assert {each["ended"] for each in found} == {"done"} and "eval/f1" in found[1]["scores"][0]
+    assert run_here(gpu_plan, *words)[1] == "left for another time: nothing\n"

@@ -8,15 +8,15 @@
     python -m benchmarks.suite chaotic --count 10                the paper's method at laptop scale
     python -m benchmarks.suite chaotic --init collage            the same, begun with what collage search finds
 
-One process and one thread a fractal; its seconds are those that a core worked on it. The codes are kept in --output
-(`benchmarks.archive`), and what is there already is not fitted again. `benchmarks.judge` scores them.
+One process and one thread a fractal; its seconds are those that a core worked on it, but for the compilation of
+kernels. The codes are kept in --output (`benchmarks.archive`), and what is there already is not fitted again.
+`benchmarks.judge` scores them.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-import time
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
@@ -30,6 +30,7 @@ from fractal_exp.methods.base import Method
 from fractal_exp.methods.chaotic.method import laptop
 from fractal_exp.methods.collage.method import Collage
 from fractal_exp.runtime import threads
+from fractal_exp.runtime.deadline import core_seconds
 
 from . import archive, judge
 
@@ -58,13 +59,13 @@ def fit(fractal: int | str, seed: int | None, kind: str, resolution: int, method
 
     def keep(progress) -> None:  # noqa: ANN001
         if progress.code is not None:  # the last code of a stage stands for it, whatever the round
-            stages[progress.stage] = archive.Stage(progress.stage, round(time.process_time() - start, 2), progress.code)
+            stages[progress.stage] = archive.Stage(progress.stage, round(core_seconds() - start, 2), progress.code)
 
     truth = archive.true_code(fractal, seed)
     image = suite.target(truth, resolution, kind)
-    start = time.process_time()
+    start = core_seconds()
     code = FITTERS[method](options, init).reconstruct(image, on_step=keep).code
-    seconds = round(time.process_time() - start, 2)
+    seconds = round(core_seconds() - start, 2)
     settings = options | ({"init": init} if init else {})
     return archive.Fit(fractal, seed, kind, resolution, method, settings, seconds, code, tuple(stages.values()),
                        **archive.here())

@@ -197,6 +197,17 @@ def speed(*paths: Path) -> tuple[list[str], Rows]:
     return ["", "kernel", "plain torch", "ratio"], rows
 
 
+def shares(path: Path) -> tuple[list[str], Rows]:
+    """Where the time of collage search goes, by kinds of pictures: shares of its stages, and then of its parts."""
+    sets = lines_of(path)[-1]["figures"]["sets"]
+    rows = [["seconds of a search", *(f"{each['seconds']:.0f}" for each in sets)]]
+    for kind in "stages", "parts":
+        names = dict.fromkeys(name for each in sets for name in each[kind])
+        rows += [[NAMES.get(name, name) if kind == "stages" else name,
+                  *(f"{each[kind].get(name, 0.0):.0%}" for each in sets)] for name in names]
+    return ["", *(each["set"].replace("_", " ") for each in sets)], rows
+
+
 def _time(seconds: float) -> str:
     return f"{seconds:.1f} s" if seconds >= 1 else f"{1000 * seconds:.3g} ms"
 
@@ -224,4 +235,4 @@ MAKERS: dict[str, Callable[..., tuple[list[str], Rows]]] = {each.__name__: each 
     pictures.textbook, pictures.trees, pictures.binary, pictures.shapes,
     pictures.photographs, pictures.photographs_in_colour, pictures.equal_bytes, pictures.density, pictures.tone_curves,
     pictures.windows, pictures.seen, pictures.growth_parts, pictures.fractaldb, pictures.verdicts, pictures.misjudged,
-    classics, datasets, speed, dimensions)}
+    classics, datasets, speed, shares, dimensions)}

@@ -39,8 +39,7 @@ def collage(options: dict, init: str | None) -> Method:
     """Collage search on one core."""
     if init:
         raise SystemExit("--init is for the paper's method: collage search begins with nothing")
-    search = {"proposals": 1} | options.get("search", {})
-    return Collage(**{"previews": 0} | options | {"search": search})
+    return Collage(**{"previews": 0} | options)
 
 
 def chaotic(options: dict, init: str | None) -> Method:

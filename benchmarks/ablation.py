@@ -4,6 +4,7 @@
     python -m benchmarks.ablation --without roots lines              these parts alone
     python -m benchmarks.ablation --without roots+lines              both off at once
     python -m benchmarks.ablation --sets suite textbook_redrawn --count 8   eight pictures of each of these sets
+    python -m benchmarks.ablation --sets trees --targets herb_5             this picture alone
     python -m benchmarks.ablation --report                           the table of what has been fitted so far
 
 The parts are those of conf/without. A limit, where a set has one, counts the seconds of one core that a fit has used,
@@ -16,7 +17,7 @@ from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from importlib import resources
@@ -124,9 +125,11 @@ def merged(options: Mapping[str, Any], more: Mapping[str, Any]) -> dict[str, Any
                           for name, value in more.items()}}
 
 
-def problems(names: Iterable[str], count: int | None) -> list[tuple[str, int | str]]:
-    """(set, target) of every target, at most `count` of a set."""
-    return [(name, target) for name in names for target in SETS[name].targets()[:count]]
+def problems(names: Iterable[str], count: int | None, targets: Sequence[str] | None = None
+             ) -> list[tuple[str, int | str]]:
+    """(set, target) of every target, at most `count` of a set; targets: the names of those that are wanted."""
+    return [(name, target) for name in names for target in SETS[name].targets()[:count]
+            if targets is None or str(target) in targets]
 
 
 def fit(without: str, name: str, target: int | str) -> dict:
@@ -207,6 +210,7 @@ def main() -> None:
     parser.add_argument("--without", nargs="+", type=known, default=parts(), metavar="PART")
     parser.add_argument("--sets", nargs="+", choices=SETS, default=list(SETS))
     parser.add_argument("--count", type=int, help="the first targets of each set alone")
+    parser.add_argument("--targets", nargs="+", metavar="TARGET", help="these targets alone")
     parser.add_argument("--workers", type=int, default=threads.available())
     parser.add_argument("--output", type=Path, default=OUTPUT, help=f"folder of the fits (default: {OUTPUT})")
     parser.add_argument("--report", action="store_true", help="only write the table")
@@ -214,7 +218,7 @@ def main() -> None:
     if not args.report:
         args.output.mkdir(parents=True, exist_ok=True)
         done = set(read(args.output)[["without", "set", "target"]].itertuples(index=False, name=None))
-        jobs = [(part, *problem) for problem in problems(args.sets, args.count)
+        jobs = [(part, *problem) for problem in problems(args.sets, args.count, args.targets)
                 for part in dict.fromkeys([FULL, *args.without])]
         with ProcessPoolExecutor(args.workers, get_context("spawn")) as pool:
             running = [pool.submit(fit, *job) for job in jobs if job not in done]

@@ -191,14 +191,13 @@ def perceptual_term(kind: str, weights: str | None) -> PerceptualTerm | None:
     return term
 
 
-def paper_method(sizes: Sizes, term: PerceptualTerm | None, iterations: int, cuda_graph: bool = True,
-                 seed: int = 0) -> Chaotic:
+def paper_method(sizes: Sizes, term: PerceptualTerm | None, iterations: int, cuda_graph: bool = True) -> Chaotic:
     """The paper's method with all losses."""
     model = ForwardModel(SVD(), maps=10, resolution=sizes.resolution, trajectories=sizes.trajectories,
                          length=sizes.length)
     objective = WeightedSum({"mse": 10, "ssim": 1, "perceptual": 2, "regularizer": 0.01},
                             {"mse": MipMSE(), "ssim": DSSIM(), "perceptual": term, "regularizer": Regularizer()})
-    return Chaotic(model, objective, Alternating(cuda_graph=cuda_graph), iterations=iterations, seed=seed,
+    return Chaotic(model, objective, Alternating(cuda_graph=cuda_graph), iterations=iterations,
                    device=sizes.device, previews=0)
 
 

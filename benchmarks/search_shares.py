@@ -4,8 +4,9 @@
     python -m benchmarks.search_shares --sets suite trees --count 4
 
 One thread, one search after another: the last `--count` pictures of sets of `benchmarks.ablation`, with their limits,
-and of its suite at 256². The search before them is not counted, since it compiles kernels. The profiler makes Python's
-part a little longer than it is. How far the kernels are from their floors, `benchmarks.search_steps` tells.
+and of its suite at 256². In each set, a search before them is not counted, since it compiles kernels. Seconds are by
+the clock, and the profiler makes Python's part a little longer than it is. How far the kernels are from their floors,
+`benchmarks.search_steps` tells.
 """
 
 from __future__ import annotations
@@ -77,6 +78,7 @@ def measured(name: str, count: int, options: Mapping[str, Any] | None = None) ->
     """The shares of a set: seconds of a search on average, and the shares of parts and stages, largest first. options:
     of the search."""
     watched, chosen = Watched(), KINDS[name]
+    chosen.fit(chosen.targets()[0], dict(options or {}))
 
     def reconstruct(method: Collage, target: AnyTarget, **options: Any) -> CodeReconstruction:
         return watched.reconstruct(method, target, **options)
@@ -95,8 +97,6 @@ def main() -> None:
     parser.add_argument("--record", type=Path, metavar="FILE", help="add a line of JSON to this file")
     options = parser.parse_args()
     threads.use(1)
-    first = KINDS[options.sets[0]]
-    first.fit(first.targets()[0], {})
     rows = [measured(name, options.count) for name in options.sets]
     for row in rows:
         print(f"{row['set']}: {row['searches']} searches of {row['seconds']:.1f} s on average")

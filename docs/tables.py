@@ -203,7 +203,7 @@ def shares(path: Path) -> tuple[list[str], Rows]:
     rows = [["seconds of a search", *(f"{each['seconds']:.0f}" for each in sets)]]
     for kind in "stages", "parts":
         names = dict.fromkeys(name for each in sets for name in each[kind])
-        rows += [[NAMES.get(name, name) if kind == "stages" else name,
+        rows += [[f"**{kind}**", *[""] * len(sets)]] + [[NAMES.get(name, name) if kind == "stages" else name,
                   *(f"{each[kind].get(name, 0.0):.0%}" for each in sets)] for name in names]
     return ["", *(each["set"].replace("_", " ") for each in sets)], rows
 

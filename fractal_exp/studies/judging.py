@@ -44,7 +44,8 @@ class Judgement:
     the views that the scores are means of, views/empty, those that are left out because nothing is on them, and
     views/left_out, those that the reconstruction cannot show, if there are any;
     pictures by name: the input as `target`, its reconstruction as `result`, `comparison` (target | result | difference
-    of every view), and where the truth is known `zoomed_target` and `zoomed`, the view beyond 2x that shows most.
+    of every view), and where the truth is known `zoomed_target` and `zoomed`, the view beyond 2x that shows most;
+    compared: in words, what was compared with the input of a picture.
     """
 
     per_view: pd.DataFrame
@@ -52,6 +53,7 @@ class Judgement:
     trivial: dict[str, float]
     counts: dict[str, int]
     pictures: dict[str, Tensor | np.ndarray]
+    compared: str = ""
 
     def describe(self) -> str:
         """The scores in one line; those without a title under their own name."""
@@ -60,7 +62,7 @@ class Judgement:
         shown = [f"{NAMES.get(name, name)} {self.scores[f'eval/{name}']:.3f}" for name in names]
         whole = f"F1 {self.per_view['f1'].iloc[0]:.3f} on the whole one"
         judged, empty = self.counts["views/judged"], self.counts["views/empty"]
-        views = f"mean of {judged} views, {whole}" if len(self.per_view) > 1 else "the attractor against the input"
+        views = f"mean of {judged} views, {whole}" if len(self.per_view) > 1 else self.compared
         views += f", {empty} more are empty in both" if empty else ""
         if left_out := self.counts.get("views/left_out"):
             views += f", {left_out} more are left out, as they are closer by than it can show"
@@ -121,7 +123,8 @@ def judge(reconstruction: Reconstruction, target: Target, options: Mapping[str, 
         again = score(target.truth, target.truth, **options, perceptual=perceptual).frame
         means = again[again["view"].isin(per_view["view"])][measured].mean().dropna()
         trivial |= {f"trivial/truth_{name}": float(value) for name, value in means.items()}
-    return Judgement(per_view, scores, trivial, counts, pictures)
+    attractor = "the attractor " if isinstance(reconstruction, CodeReconstruction) else ""
+    return Judgement(per_view, scores, trivial, counts, pictures, f"{attractor}against the input")
 
 
 def finds_truth(code: IFS, truth: IFS, options: Mapping[str, Any]) -> tuple[bool, bool]:

@@ -5,9 +5,11 @@ from pathlib import Path
 
 import pytest
 from commands import run_here
+from configured import composed
 
 from benchmarks import gpu_plan, record
 from benchmarks.gpu_plan import Item, Place
+from fractal_exp.cli import configuration
 
 SOMEWHERE = Place(Path("somewhere"))
 SLEEP = ("timeit", "-n1", "-r1", "import time; time.sleep(60)")
@@ -23,20 +25,21 @@ def next_name(*known: dict) -> str:
 
 def test_the_tests_come_first_and_no_item_twice():
     names = [item.name for item in islice(gpu_plan.items(SOMEWHERE), 60)]
-    assert names[0] == "tests" and len(set(names)) == 60
+    assert names[:2] == ["checks", "stretched-0"] and len(set(names)) == 60
 
 
 @pytest.mark.parametrize(("known", "name"), [
-    ([], "tests"), ([answer("tests")], "stretched_levels"), ([answer("tests", "failed")], "stretched_levels"),
-    ([answer("tests", "time was up")], "tests"), ([answer("tests", kernels="others")], "tests")])
+    ([], "checks"), ([answer("checks")], "stretched-0"), ([answer("checks", "failed")], "stretched-0"),
+    ([answer("checks", "time was up")], "checks"), ([answer("checks", kernels="others")], "checks"),
+    ([answer("checks"), answer("stretched-0", "failed")], "stretched-0")])
 def test_an_item_is_open_until_todays_kernels_have_answered_it(known, name):
     assert next_name(*known) == name
 
 
 def test_the_time_that_an_item_took_takes_the_place_of_the_guess():
-    item = Item("tests", "", 3, ())
+    item = Item("checks", "", 3, ())
     assert gpu_plan.expected(item, []) == 180
-    known = [answer("tests", seconds=10), answer("tests", seconds=50), answer("tests", "time was up", seconds=5)]
+    known = [answer("checks", seconds=10), answer("checks", seconds=50), answer("checks", "time was up", seconds=5)]
     assert gpu_plan.expected(item, known) == pytest.approx(1.1 * 50)
 
 
@@ -54,13 +57,29 @@ def test_without_weights_nothing_begins(tmp_path):
     assert status == 2 and "--weights must name a file of torchvision's SqueezeNet 1.1, got None" in printed
 
 
+@pytest.mark.parametrize("item", list(islice(gpu_plan.items(SOMEWHERE), 40)), ids=lambda item: item.name)
+def test_what_is_asked_for_is_a_configuration(item):
+    for words in item.commands:
+        if words[0] == "fractal_exp.cli":
+            configuration.build(configuration.resolve(composed(*words[2:], "device=cpu", "perceptual=none")).method)
+
+
+def test_a_machine_that_lacks_something_is_not_asked_on(tmp_path, monkeypatch):
+    failing = [Item(str(k), "", 1, (("no_such_module",),)) for k in range(9)]
+    monkeypatch.setattr(gpu_plan, "items", lambda place: iter(failing))
+    status, printed = run_here(gpu_plan, "--rehearse", "--output", str(tmp_path))
+    assert status == 1 and "2 items failed in a row" in printed
+    assert len(gpu_plan.answers(tmp_path / "rehearsal")) == 2
+
+
 @pytest.mark.slow
 def test_a_rehearsal_answers_in_order_and_goes_on_where_it_ended(tmp_path):
-    words = ["--rehearse", "--output", str(tmp_path), "--items", "3"]
-    assert "left for another time: tests" in run_here(gpu_plan, *words, "--minutes", "0")[1]
-    status, printed = run_here(gpu_plan, *words, "--minutes", "6")
+    words = ["--rehearse", "--output", str(tmp_path), "--items", "5"]
+    assert "left for another time: checks" in run_here(gpu_plan, *words, "--minutes", "0")[1]
+    status, printed = run_here(gpu_plan, *words, "--minutes", "9")
     assert status == 0 and "left for another time: nothing" in printed
-    found = [each["figures"] for each in record.read(tmp_path / gpu_plan.RECORDS)]
-    assert [each["item"] for each in found] == ["tests", "stretched_levels", "released-0"]
-    assert {each["ended"] for each in found} == {"done"} and "eval/f1" in found[1]["scores"][0]
+    found = [each["figures"] for each in record.read(tmp_path / "rehearsal" / gpu_plan.RECORDS)]
+    assert [each["item"] for each in found] == ["checks", "stretched-0", "released-0", "area-0", "operations"]
+    assert {each["ended"] for each in found} == {"done"}
+    assert "eval/f1" in found[1]["scores"][0] and found[4]["measured"]["operations"]
     assert run_here(gpu_plan, *words)[1] == "left for another time: nothing\n"

@@ -104,6 +104,7 @@ def keep(output: Path, study: str, name: str | None, folder: Path, *, add: bool 
     if len(records) < len(sweep.jobs):
         raise InputError(f"the sweep {sweep.name} has {len(records)} finished jobs of {len(sweep.jobs)}; the same "
                          f"fractal-sweep {study} command again goes on, or name another sweep with --sweep")
+    done = len(records)
     if add:
         records, sweep = joined(folder / "fits.jsonl", records, sweep)
     folder.mkdir(parents=True, exist_ok=True)
@@ -113,7 +114,8 @@ def keep(output: Path, study: str, name: str | None, folder: Path, *, add: bool 
     at_once = _artifact(uri, sweep.run_id, "sweep.json").get("workers")
     machines = sorted({record["machine"] for record in records})
     together = "" if add else f", {at_once} at a time"
-    part = f"{len(records)} of the {planned} fits of the sweep so far. " if so_far else ""
+    others = f", and {len(records) - done} of others" if len(records) > done else ""
+    part = f"{done} of the {planned} fits of the sweep so far{others}. " if so_far else ""
     about = (f"{part}Fitted by {', '.join(commits)} on {'; '.join(machines)}{together}"
              f"{', at most ' + ', '.join(limits) + ' each' if limits else ''}; fits.jsonl has every fit.")
     table = report_text.markdown(sweep, report.summary(sweep))

@@ -271,6 +271,11 @@ def test_a_sweep_is_kept_fit_by_fit(tmp_path):
     assert len((tmp_path / "kept" / "fits.jsonl").read_text().splitlines()) == 2
     text = (tmp_path / "kept" / "report.md").read_text()
     assert "on 2 samples" in text and "2 of the 3 fits of the sweep so far." in text
+    path = tmp_path / "kept" / "fits.jsonl"
+    path.write_text(path.read_text().replace("fractal 0", "fractal 7").replace("fractal 1", "fractal 8"))
+    comparisons.keep(tmp_path, "study", None, tmp_path / "kept", so_far=True, add=True)
+    text = (tmp_path / "kept" / "report.md").read_text()
+    assert "on 4 samples" in text and "2 of the 3 fits of the sweep so far, and 2 of others." in text
 
 
 def test_fits_of_another_day_join_those_that_are_kept(tmp_path, sweep):

@@ -45,6 +45,13 @@ class Opened:
         (frame or self.page).wait_for_selector('html[data-state="done"]', state="attached", timeout=PATIENCE)
         return self
 
+    def redrawn(self, act: Callable[[], object]) -> Opened:
+        """Do something that changes the picture, and wait until that is done. It may be before anybody looks."""
+        self.page.evaluate("document.documentElement.dataset.state = 'before'")
+        act()
+        self.page.wait_for_selector('html:not([data-state="before"])', state="attached", timeout=PATIENCE)
+        return self.drawn()
+
     def picture(self) -> np.ndarray:
         """What is seen, (H,W) in [0,1], as the page itself saves it."""
         return self._saved("L") / 255

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -48,9 +49,7 @@ def test_other_colours_are_chosen_by_keys_alone(path, open_page, thrower):
     assert page.is_visible("#colours") and page.input_value("#by") == "own" and page.is_disabled("#palette")
     pictures = {}
     for by in ("plain", "map", "address", "density"):
-        page.select_option("#by", by)
-        page.wait_for_selector('html[data-state="drawing"]', state="attached")
-        opened.drawn()
+        opened.redrawn(partial(page.select_option, "#by", by))
         page.keyboard.press("Escape")
         assert not page.is_visible("#colours") and page.evaluate("document.activeElement.id") == "do-colour"
         pictures[by] = opened.colours()
@@ -116,9 +115,7 @@ def test_a_code_without_colours_offers_none_until_one_with_colours_is_imported(t
     page.keyboard.press("e")
     page.keyboard.press("o")
     page.fill("#in-text", FERN.save(tmp_path / "code.json").read_text())
-    page.click("#in-read")
-    page.wait_for_selector('html[data-state="drawing"]', state="attached")
-    opened.drawn()
+    opened.redrawn(partial(page.click, "#in-read"))
     assert "own" in page.evaluate(options) and page.input_value("#by") == "own"
     assert np.ptp(opened.colours(), axis=-1).max() > 60
     page.keyboard.press("x")

@@ -226,7 +226,7 @@ def main() -> None:
         found = run(item, place, min(there_is, AT_MOST * needed))
         record.append(place.folder / RECORDS, "gpu_plan", found, {}, "cpu" if place.is_rehearsal else "cuda")
         failures = failures + 1 if found["ended"] == FAILED else 0
-        told = found["scores"] or found["printed"][0][-1:]
+        told = found["scores"] or ("" if found["measured"] else found["printed"][0][-1:])
         print(f"  {found['ended']} after {found['seconds']} s  {told}", flush=True)
     if failures == FAILURES:
         sys.exit(f"{failures} items failed in a row; see {place.folder / 'logs'}")

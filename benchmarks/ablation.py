@@ -215,6 +215,9 @@ def main() -> None:
     parser.add_argument("--output", type=Path, default=OUTPUT, help=f"folder of the fits (default: {OUTPUT})")
     parser.add_argument("--report", action="store_true", help="only write the table")
     args = parser.parse_args()
+    there = {str(target) for _, target in problems(args.sets, args.count)}
+    if unknown := sorted(set(args.targets or ()) - there):
+        parser.error(f"these sets have no target {', '.join(unknown)}; choose from {', '.join(sorted(there))}")
     if not args.report:
         args.output.mkdir(parents=True, exist_ok=True)
         done = set(read(args.output)[["without", "set", "target"]].itertuples(index=False, name=None))

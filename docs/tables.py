@@ -203,8 +203,10 @@ def shares(path: Path) -> tuple[list[str], Rows]:
     rows = [["seconds of a search", *(f"{each['seconds']:.0f}" for each in sets)]]
     for kind in "stages", "parts":
         names = dict.fromkeys(name for each in sets for name in each[kind])
-        rows += [[f"**{kind}**", *[""] * len(sets)]] + [[NAMES.get(name, name) if kind == "stages" else name,
-                  *(f"{each[kind].get(name, 0.0):.0%}" for each in sets)] for name in names]
+        rows.append([f"**{kind}**", *[""] * len(sets)])
+        for name in names:
+            title = NAMES.get(name, name) if kind == "stages" else name
+            rows.append([title, *(f"{each[kind].get(name, 0.0):.0%}" for each in sets)])
     return ["", *(each["set"].replace("_", " ") for each in sets)], rows
 
 

@@ -45,7 +45,7 @@ class Judgement:
     views/left_out, those that the reconstruction cannot show, if there are any;
     pictures by name: the input as `target`, its reconstruction as `result`, `comparison` (target | result | difference
     of every view), and where the truth is known `zoomed_target` and `zoomed`, the view beyond 2x that shows most;
-    compared: in words, what was compared with the input of a picture.
+    compared: in words, what was compared with a picture.
     """
 
     per_view: pd.DataFrame
@@ -53,7 +53,7 @@ class Judgement:
     trivial: dict[str, float]
     counts: dict[str, int]
     pictures: dict[str, Tensor | np.ndarray]
-    compared: str = ""
+    compared: str = "against the input"
 
     def describe(self) -> str:
         """The scores in one line; those without a title under their own name."""

@@ -10,6 +10,7 @@ from configured import composed
 from benchmarks import gpu_plan, record
 from benchmarks.gpu_plan import Item, Place
 from fractal_exp.cli import configuration
+from fractal_exp.methods.chaotic.method import Chaotic
 
 SOMEWHERE = Place(Path("somewhere"))
 SLEEP = ("timeit", "-n1", "-r1", "import time; time.sleep(60)")
@@ -57,11 +58,12 @@ def test_without_weights_nothing_begins(tmp_path):
     assert status == 2 and "--weights must name a file of torchvision's SqueezeNet 1.1, got None" in printed
 
 
-@pytest.mark.parametrize("item", list(islice(gpu_plan.items(SOMEWHERE), 40)), ids=lambda item: item.name)
-def test_what_is_asked_for_is_a_configuration(item):
-    for words in item.commands:
-        if words[0] == "fractal_exp.cli":
-            configuration.build(configuration.resolve(composed(*words[2:], "device=cpu", "perceptual=none")).method)
+@pytest.mark.parametrize("words", [words for item in islice(gpu_plan.items(SOMEWHERE), 40) for words in item.commands
+                                   if words[0] == "fractal_exp.cli"])
+def test_what_is_asked_for_is_a_fit_at_the_papers_sizes(words):
+    method = configuration.build(configuration.resolve(composed(*words[2:], "device=cpu", "perceptual=none")).method)
+    assert isinstance(method, Chaotic) and method.model.resolution == 1024
+    assert method.iterations == (gpu_plan.SHORT if f"iterations={gpu_plan.SHORT}" in words else 15_000)
 
 
 def test_a_machine_that_lacks_something_is_not_asked_on(tmp_path, monkeypatch):

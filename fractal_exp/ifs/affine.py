@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 import torch
 from torch import Tensor
 
@@ -91,15 +90,24 @@ def sending(matrices: Tensor, source: Tensor, image: Tensor) -> Tensor:
 
 
 def root(one: Tensor, order: int) -> Tensor | None:
-    """The map (6,) whose `order`-fold composition is this one (6,). None if it is not real or not contractive."""
-    from scipy.linalg import fractional_matrix_power
+    """The map (6,) whose `order`-fold composition is this one (6,): the principal root of its matrix M, about its fixed
+    point. None if it is not real or not contractive.
 
-    matrix = torch.eye(3, dtype=torch.float64)
-    matrix[:2, :2], matrix[:2, 2] = one[:4].view(2, 2).cpu(), one[4:].cpu()
-    found = torch.from_numpy(np.asarray(fractional_matrix_power(matrix.numpy(), 1 / order), dtype=np.complex128))
+    A function f of a 2 x 2 matrix of eigenvalues a and b is f[a,b] M + (f(a) - f[a,b] a) I, with the divided difference
+    f[a,b] (Higham 2008, Functions of Matrices, section 1.2). For roots r and s of a and b it is 1 / sum r^k s^(n-1-k),
+    which also holds where a = b.
+    """
+    matrix, unit = one[:4].view(2, 2).cpu().double(), torch.eye(2, dtype=torch.float64)
+    a, _ = values = torch.linalg.eigvals(matrix)
+    r, s = values ** (1 / order)
+    slope = 1 / sum(r**k * s**(order - 1 - k) for k in range(order))
+    found = slope * matrix + (r - slope * a) * unit
     if not bool(found.isfinite().all()) or float(found.imag.abs().max()) > IMAGINARY:
         return None
-    real = torch.cat([found.real[:2, :2].flatten(), found.real[:2, 2]]).to(one)
+    fixed, failed = torch.linalg.solve_ex(unit - matrix, one[4:].cpu().double())
+    if failed:
+        return None
+    real = sending(found.real, fixed, fixed).to(one)
     return real if float(largest_singular(real)) < 1 else None
 
 

@@ -80,17 +80,33 @@ class Priced:
 
     @staticmethod
     def without(drawn, gone):
-        worths = [worth for i, worth in enumerate(drawn.maps) if i not in gone]
-        return SimpleNamespace(maps=worths, error=drawn.error + sum(drawn.maps[i] for i in gone))
+        left = [i for i in range(len(drawn.maps)) if i not in gone]
+        return SimpleNamespace(maps=drawn.maps[left], error=drawn.error + float(drawn.maps[gone].sum()))
 
 
 def test_maps_go_that_are_not_worth_their_price():
-    drawn = SimpleNamespace(maps=[0.5, 0.09, 0.3, -0.2, 0.11], error=1.0)
-    assert pruned(Priced, drawn, Price(0.1)).maps == [0.5, 0.3, 0.11]
-    assert pruned(Priced, drawn, Price(0.0)).maps == [0.5, 0.09, 0.3, 0.11]
-    assert len(pruned(Priced, drawn, Price(10.0)).maps) == 2
-    asked = type("Asked", (Priced,), {"params": PARAMS.updated(maps=4)})
-    assert len(pruned(asked, drawn, Price(10.0)).maps) == 4
+    def left(price, picture=Priced):
+        drawn = SimpleNamespace(maps=torch.tensor([[0.5], [0.09], [0.3], [-0.2], [0.11]]), error=1.0)
+        return [round(worth, 2) for worth in pruned(picture, drawn, price).maps.flatten().tolist()]
+
+    assert left(Price(0.1)) == [0.5, 0.3, 0.11]
+    assert left(Price(0.0)) == [0.5, 0.09, 0.3, 0.11]
+    assert len(left(Price(10.0))) == 2
+    assert len(left(Price(10.0), type("Asked", (Priced,), {"params": PARAMS.updated(maps=4)}))) == 4
+
+
+def test_a_map_that_is_clearly_needed_is_tried_once():
+    tried = []
+
+    class Watched(Priced):
+        @staticmethod
+        def without(drawn, gone):
+            tried.append(round(float(drawn.maps[gone[0]]), 2))
+            return Priced.without(drawn, gone)
+
+    drawn = SimpleNamespace(maps=torch.tensor([[0.4], [9.0], [0.01], [0.02]]), error=1.0)
+    assert [round(worth, 2) for worth in pruned(Watched, drawn, Price(0.1)).maps.flatten().tolist()] == [0.4, 9.0]
+    assert tried == [0.4, 9.0, 0.01, 0.02, 0.4, 0.02]   # the third sweep finds no map that may go
 
 
 def test_every_step_of_a_search_and_every_seed_tries_something_else():

@@ -91,6 +91,24 @@ def test_a_tip_nobody_sees_is_moved_into_the_frame(fern):
     assert before > 1 and after < 0.5 * before
 
 
+def test_the_stem_of_a_fern_is_a_line_and_its_fronds_are_none(fern):
+    code, image = fern
+    picture, stem = objective(image), int(code.linear.det().abs().argmin())
+    jacobian = FromPoints(picture, picture.judge(affine.from_code(code)), [stem], 0)
+    assert [i for i in range(len(code)) if jacobian.is_line(i)] == [stem]
+
+
+def test_only_a_line_is_polished_one_number_at_a_time(fern, monkeypatch):
+    code, image = fern
+    picture, stem, tried = objective(image), int(code.linear.det().abs().argmin()), []
+    monkeypatch.setattr(FromPoints, "solve", lambda change, damping: torch.full_like(change.gradient, 40.0))
+    monkeypatch.setattr(FromPoints, "solve_alone", lambda change: tried.append(change) or change.gradient * 0)
+    shown = picture.judge(affine.from_code(code))
+    for i in range(len(code)):
+        assert polished(picture, shown, 1, [i]) is shown, "no step gains"
+    assert [{i for i, _, _ in each.units} for each in tried] == [{stem}]
+
+
 def test_a_line_is_reoriented_by_its_rendering(fern):
     code, image = fern
     maps, stem = affine.from_code(code), int(code.linear.det().abs().argmin())

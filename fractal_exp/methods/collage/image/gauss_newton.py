@@ -35,7 +35,7 @@ def polished(objective: ImageObjective, rendered: Rendered, steps: int, moving: 
 
     moving: the maps that may move, None: all; patience: steps without gain, in a row, before the end; jacobian: its
     class, None: `FromPoints`, or `FromCounts` for linear grey levels; alone: whether each parameter is tried by itself
-    if all together lead nowhere, as is always done for a single map; fixed: entries (map, column) that stay; camera:
+    if all together lead nowhere, as is always done for a single line; fixed: entries (map, column) that stay; camera:
     whether the open values of the camera move as well, so that the result may have other levels. A fixed offset needs a
     fixed matrix row, because matrices act about the attractor's mean.
     """
@@ -63,7 +63,7 @@ def polished(objective: ImageObjective, rendered: Rendered, steps: int, moving: 
                 break
             damping *= DAMPING_UP
         else:
-            if alone or len(moving) == 1:
+            if alone or (len(moving) == 1 and change.is_line(moving[0])):
                 rendered = _one_by_one(objective, rendered, change, deadline)
         idle = idle + 1 if before - rendered.error < LITTLE * before else 0
     return rendered

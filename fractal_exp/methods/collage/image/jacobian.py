@@ -24,6 +24,7 @@ CAMERA = 7                 # stands for a value of the camera: (index in `Levels
 LONGEST_PX = 2.0           # maximum step of a parameter, pixels of displacement
 LEAST_SPREAD = 1e-3        # canvas units, of the attractor's standard deviation: the unit of steps of a matrix
 LOG_STEP = 0.1             # in the logarithm of a probability, a gain or a gamma: counts as much as a pixel
+WIDEST_PX = 2.0            # width of a line, pixels, taken as four standard deviations
 WINDOW = 3                 # cells per side of the window in which grey levels are related to masses
 STEP_PX = 0.05             # finite difference of a parameter in a Jacobian from points
 STROKE_EFFECT = 1e-3       # share of the largest sum of squared derivatives below which a parameter of strokes stays:
@@ -49,7 +50,7 @@ class Jacobian(ABC):
         self.game = trajectories(self.count)
         points = attractor_points(rendered.maps, rendered.probabilities, MOMENTS, self.seed)
         self.mean = points.mean(0).tolist()
-        spread = points.std(0).clamp_min(LEAST_SPREAD).tolist()
+        self.spread = spread = points.std(0).clamp_min(LEAST_SPREAD).tolist()
         pixel = 2 / objective.side
         self.weights = rendered.weights
         self.units = [(i, j, pixel if j > 3 else pixel / spread[j % 2]) for i in moving for j in range(6)
@@ -77,6 +78,11 @@ class Jacobian(ABC):
     def weighed(self, step: Tensor) -> Tensor | None:
         """The weights (N,) after a step; None if they are tied."""
         return self.weights
+
+    def is_line(self, i: int) -> bool:
+        """Whether the image of map i is at most `WIDEST_PX` wide."""
+        width = torch.linalg.svdvals(self.maps[i, :4].view(2, 2).cpu() * torch.tensor(self.spread))[1]
+        return 2 * self.side * float(width) < WIDEST_PX
 
     def seen(self, objective: ImageObjective, step: Tensor) -> ImageObjective:
         """The objective after a step of the camera."""

@@ -19,12 +19,12 @@ from ....cameras.points import attractor_points
 from ....ifs import affine
 from ....ifs.code import PROBABILITY_FLOOR
 from ....runtime.seeds import derive
+from ..image.jacobian import WIDEST_PX
 from ..image.objective import Rendered, error_of
 from ..measure.births import extents, thinness
 from .single import THIN, small_maps, with_map, with_new_map
 from .tools import HOPEFUL, Tools
 
-WIDEST_PX = 2.0   # width of a line, pixels, taken as four standard deviations
 POINTS = 50_000   # of the attractor that are projected onto a line
 STEPS = 3         # Gauss-Newton steps of each projection
 DIRECTIONS = 48   # of projection that are tried

@@ -10,7 +10,7 @@ from ....runtime.deadline import NO_DEADLINE, Deadline
 from ..image.camera import in_turns, sharpened
 from ..image.gauss_newton import polished
 from .flat import flattened, on_line
-from .loop import DRAWN_WORSE, Draft, Price, Proposer, maps_polished, one_pruned, simplified
+from .loop import DRAWN_WORSE, Draft, Price, Proposer, Pruning, maps_polished, simplified
 from .parents import fewer, uncontained
 from .removal import dropping_unseen, without_least, without_needless
 from .rounding import begun, rounded
@@ -27,7 +27,8 @@ def simplified_in_every_way(start: Draft, deadline: Deadline = NO_DEADLINE) -> D
     needed = without_needless(now, uncontained, without_least, deadline=deadline)
     if needed is not now:
         needed = Draft(*in_turns(needed.objective, needed.shown, deadline))
-    now = simplified(rounded(begun(needed.objective, needed.shown), deadline), [Proposer(one_pruned)], worth, deadline)
+    now = rounded(begun(needed.objective, needed.shown), deadline)
+    now = simplified(now, [Proposer(Pruning(worth))], worth, deadline)
     now = simplified(now, [Proposer(without_width, repeats=False)], Price.of_drawn(now.objective), deadline)
     least = min(UNLIKE, start.objective.likeness_of(start.shown))
     return now if now.objective.likeness_of(now.shown) >= least else start

@@ -22,6 +22,7 @@ from ..image.jacobian import FromPoints, FromRenderings
 from ..image.objective import Frame, ImageObjective, Rendered
 from ..params import CollageParams
 
+NEEDED = 1.5          # factor on the score without a map above which the map is not tried again
 DRAWN_WORSE = 1.5     # factor on the error: a picture that others drew tells less precisely which code is right
 DRAWN_NOISE = 0.06    # error, radians rms, that counts as noise in such a picture, as no camera draws quite like it
 
@@ -174,14 +175,33 @@ def without_one(draft: Draft) -> Iterable[Draft]:
     return [Draft(objective, objective.without(shown, [i])) for i in gone]
 
 
-def one_pruned(draft: Draft) -> Iterable[Draft]:
-    """`without_one`, unless pruning is switched off."""
-    return without_one(draft) if draft.objective.params.moves.pruning else ()
+class Pruning:
+    """The way to a code without one of its maps, unless pruning is switched off. A map without which the score is
+    `NEEDED` times as high is not tried again: it hardly becomes needless while others go. Roots bring so many maps that
+    every trial counts."""
+
+    def __init__(self, price: Price):
+        self.price, self.needed = price, set[tuple[float, ...]]()
+
+    def __call__(self, draft: Draft) -> list[Draft]:
+        objective, maps = draft.objective, draft.shown.maps
+        if not objective.params.moves.pruning or len(maps) <= fewest(objective.params):
+            return []
+        now, found = self._score(draft), []
+        for i, one in enumerate(map(tuple, maps.tolist())):
+            if one not in self.needed:
+                found.append(Draft(objective, objective.without(draft.shown, [i])))
+                if self._score(found[-1]) > NEEDED * now:
+                    self.needed.add(one)
+        return found
+
+    def _score(self, draft: Draft) -> float:
+        return self.price.score(draft.shown.error, len(draft.shown.maps))
 
 
 def pruned(objective: ImageObjective, shown: Rendered, price: Price, deadline: Deadline = NO_DEADLINE) -> Rendered:
     """The code without maps that are not worth their price."""
-    return simplified(Draft(objective, shown), [Proposer(one_pruned)], price, deadline).shown
+    return simplified(Draft(objective, shown), [Proposer(Pruning(price))], price, deadline).shown
 
 
 def pruned_in_frame(objective: ImageObjective, shown: Rendered, price: Price, *, near: bool,

@@ -20,7 +20,8 @@ CONTRACTION = 0.9    # upper limit of the smaller singular value in rounds that 
 RESTARTS_END, MIXTURE_ENDS, DETAIL_ENDS = 0.35, 0.45, 0.65
 AGREEMENT = 0.02        # relative difference of scores below which two restarts agree; the others are then skipped
 LEFT = 0.75             # time left after a stage on a part of a shape, relative to that on a whole one
-NEAR = 12.0             # noise ratio of a set below which the moves that follow find what it lacks sooner than restarts
+NEAR = 20.0             # noise ratio of a set below which the moves that follow find what it lacks sooner than restarts
+NEARER = 12.0           # the same, sooner than a search from the mixture
 
 
 class MeasureStage(Stage):
@@ -53,6 +54,15 @@ class MeasureStage(Stage):
         avoided = self.round % 2 == 0 if from_start else self.round % 2 == 1 and has_failed
         return CONTRACTION if self.params.stages.avoid_isometries and avoided else 1.0
 
+    def _draws_within(self, ratio: float, found: Candidate | None) -> bool:
+        """Whether a set draws the image to within this noise ratio, so that no further search is needed. It has a right
+        number of maps, and none that may be a symmetry of the shape. Other levels than densities do not tell: a wrong
+        code may draw them well, or their camera is unknown."""
+        levels = self.problem.levels
+        if found is None or found.score >= WRONG_NUMBER or not (levels.is_exact and levels.is_density):
+            return False
+        return not _has_isometry(found) and self.problem.noise_ratio(found) < ratio
+
 
 def _has_isometry(found: Candidate) -> bool:
     """Whether a map of a code may be a symmetry of the shape."""
@@ -79,16 +89,7 @@ class Restart(MeasureStage):
         # above WRONG_NUMBER, the number of maps is wrong
         scores = state.scores if self.problem.split == 1 else ()
         agree = len(scores) > 1 and scores[1] < min(WRONG_NUMBER, (1 + AGREEMENT) * state.leader.score)
-        return not agree and not self._is_near(state)
-
-    def _is_near(self, state: State) -> bool:
-        """Whether the best set of the round draws the image so well that no further one is needed. It has a right
-        number of maps, and none that may be a symmetry of the shape. Other levels than densities do not tell: a wrong
-        code may draw them well, or their camera is unknown."""
-        levels, best = self.problem.levels, state.best
-        if best is None or best.score >= WRONG_NUMBER or not (levels.is_exact and levels.is_density):
-            return False
-        return not _has_isometry(best) and self.problem.noise_ratio(best) < NEAR
+        return not agree and not self._draws_within(NEAR, state.best)
 
     def open(self, state: State) -> State:
         seed = derive(self.problem.seed, *self.stream)
@@ -121,6 +122,10 @@ class FromMixture(MeasureStage):
     def expected_moves(self) -> int:
         search = self.params.search
         return search.moves if self.problem.split * search.restarts > 1 and search.mixture else 0
+
+    def is_wanted(self, state: State) -> bool:
+        """False where a set is so near that this search finds nothing that the later stages do not."""
+        return not self._draws_within(NEARER, state.best)
 
     def open(self, state: State) -> State:
         seed = derive(self.problem.seed, "closing", self.round)

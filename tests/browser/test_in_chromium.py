@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 import torch
-from browser_helpers import CHROMIUM, COARSE, PATIENCE, QUIET, Opened
+from browser_helpers import CHROMIUM, COARSE, PATIENCE, QUIET, Opened, settled_box
 
 from fractal_exp import IFS, View, codes, render
 from fractal_exp.evaluation.metrics import f1
@@ -104,7 +104,7 @@ def test_a_click_selects_the_map_that_is_seen_there(fern, tmp_path, open_page):
     opened = open_page((1000, 900), **COARSE).go(f"file://{path}")
     opened.page.keyboard.press("e")
     opened.page.wait_for_selector("#maps:not([hidden])")
-    window, polygons = opened.page.locator("#maps").bounding_box(), opened.page.locator("#maps .bodies polygon")
+    window, polygons = settled_box(opened.page.locator("#maps")), opened.page.locator("#maps .bodies polygon")
     corners = [np.array([corner.split(",") for corner in polygons.nth(i).get_attribute("points").split()], float)
                for i in range(len(fern[0]))]
 

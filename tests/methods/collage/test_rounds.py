@@ -1,6 +1,7 @@
 """Rounds of collage search: when another begins, what it may find, and how it goes on after an interruption."""
 
 import math
+from dataclasses import replace
 
 import pytest
 import torch
@@ -11,7 +12,7 @@ from fractal_exp import suite
 from fractal_exp.ifs import affine
 from fractal_exp.methods.collage.stages import plan_of
 from fractal_exp.methods.collage.stages.image import ImageMoves
-from fractal_exp.methods.collage.stages.measure import Restart
+from fractal_exp.methods.collage.stages.measure import FromMixture, Restart
 from fractal_exp.methods.collage.state import State
 
 TURN = torch.tensor([[0.0, -0.97, 0.98, 0, 0.1, 0]])  # of a square, say, about its middle
@@ -46,6 +47,18 @@ def test_another_round_begins_only_where_the_image_is_far_off(triangle, number, 
         assert torch.equal(kept.before.maps, after.before.maps) and kept.best is None
         again = Restart(given, number + 1)
         assert again.close(again.open(after)).best is not None
+
+
+@pytest.mark.parametrize(("pixels", "searches"), [(0.05, [False, False]), (0.14, [False, True]), (0.3, [True, True])])
+def test_a_near_set_ends_the_restarts_and_a_nearer_one_needs_no_search_from_the_mixture(triangle, pixels, searches):
+    code, image = triangle
+    given, maps = unpolished(image), affine.from_code(code)
+    maps[0, 4] += 2 * pixels / len(image)
+    state = State(best=replace(tied(maps), score=0.5), scores=(0.5,))
+    stages = Restart(given, 0, 1), FromMixture(given, 0)
+    assert [stage.is_wanted(state) for stage in stages] == searches
+    many = replace(state, best=replace(tied(maps), score=1.5), scores=(1.5,))
+    assert [stage.is_wanted(many) for stage in stages] == [True, True], "the number of maps is wrong"
 
 
 def test_the_stages_of_a_round_come_in_order(triangle):

@@ -91,7 +91,7 @@ def sending(matrices: Tensor, source: Tensor, image: Tensor) -> Tensor:
 
 def root(one: Tensor, order: int) -> Tensor | None:
     """The map (6,) whose `order`-fold composition is this one (6,): the principal root of its matrix M, about its fixed
-    point. None if it is not real or not contractive.
+    point. None if it is not real or not contractive, or if both eigenvalues are 0.
 
     A function f of a 2 x 2 matrix of eigenvalues a and b is f[a,b] M + (f(a) - f[a,b] a) I, with the divided difference
     f[a,b] (Higham 2008, Functions of Matrices, section 1.2). For roots r and s of a and b it is 1 / sum r^k s^(n-1-k),

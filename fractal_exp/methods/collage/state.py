@@ -19,7 +19,7 @@ from ...runtime.checkpoint import Snapshot
 from ...runtime.checks import shown
 from ...runtime.params import Count, Odds, Share
 
-VERSION = 20   # of the stages and their scores; stored in checkpoints
+VERSION = 21   # of the stages and their scores; stored in checkpoints
 LARGEST = 10.0**6  # of a camera's values
 CANDIDATES = "current", "best", "before"   # fields of `State`
 STAGES = ("sketch", "population", "restart", "mixture", "detail", "promise", "approach", "construction", "image",

@@ -78,17 +78,24 @@ def test_a_map_thinner_than_a_subpixel_is_found_by_its_picture():
     assert now.error < 0.5 * before and len(now.maps) == 4
 
 
-def test_the_root_of_a_map_applied_twice_is_the_map():
-    for order in (2, 3):
-        turn = affine.from_code(codes.known("fern"))[1]
-        found, result = affine.root(turn, order), torch.eye(3)
-        step = torch.cat([torch.cat([found[:4].view(2, 2), found[4:, None]], 1), torch.tensor([[0.0, 0, 1]])])
-        for _ in range(order):
-            result = step @ result
-        torch.testing.assert_close(torch.cat([result[:2, :2].flatten(), result[:2, 2]]), turn, atol=1e-5, rtol=1e-5)
-    assert affine.root(torch.tensor([0.5, 0, 0, -0.5, 0.1, 0.1]), 2) is None  # a reflection is no square
-    assert affine.root(torch.tensor([0.4, 0.9, 0, 0.4, 0, 0]), 2) is None  # its root is not contractive
-    affine.root(torch.tensor([0.0, 0, 0, 0.16, 0, 0]), 2)  # singular: whatever comes, no error
+@pytest.mark.parametrize("order", [2, 3])
+@pytest.mark.parametrize("one", [[0.83, 0.04, -0.04, 0.83, 0.0, 0.4], [0.5, 0.3, 0.0, 0.5, 0.1, 0.2],
+                                 [0.4, 0.0, 0.0, 0.4, 0.3, 0.0], [0.0, 0.0, 0.0, 0.16, 0.0, 0.3]],
+                         ids=["turn", "shear", "scale", "line"])
+def test_the_root_of_a_map_applied_often_enough_is_the_map(one, order):
+    found, result = affine.root(torch.tensor(one), order), torch.eye(3)
+    step = torch.cat([torch.cat([found[:4].view(2, 2), found[4:, None]], 1), torch.tensor([[0.0, 0, 1]])])
+    for _ in range(order):
+        result = step @ result
+    torch.testing.assert_close(torch.cat([result[:2, :2].flatten(), result[:2, 2]]), torch.tensor(one), atol=1e-5,
+                               rtol=1e-5)
+
+
+@pytest.mark.parametrize(("one", "why"), [
+    ([0.5, 0, 0, -0.5, 0.1, 0.1], "a reflection is no square"), ([0.4, 0.9, 0, 0.4, 0, 0], "it does not contract"),
+    ([0.0, 0, 0, 0, 0.1, 0.2], "both eigenvalues are 0")])
+def test_some_maps_have_no_root(one, why):
+    assert affine.root(torch.tensor(one), 2) is None, why
 
 
 def test_what_precedes_a_map_gives_the_others_back():

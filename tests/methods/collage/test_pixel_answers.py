@@ -109,6 +109,18 @@ def test_a_map_that_is_clearly_needed_is_tried_once():
     assert tried == [0.4, 9.0, 0.01, 0.02, 0.4, 0.02]   # the third sweep finds no map that may go
 
 
+def test_a_needless_double_of_a_needed_map_goes():
+    class Doubled(Priced):
+        @staticmethod
+        def without(drawn, gone):
+            left = [i for i in range(len(drawn.maps)) if i not in gone]
+            return SimpleNamespace(maps=drawn.maps[left], worths=[drawn.worths[i] for i in left],
+                                   error=drawn.error + sum(drawn.worths[i] for i in gone))
+
+    drawn = SimpleNamespace(maps=torch.tensor([[1.0], [1.0], [2.0], [3.0]]), worths=[9.0, 0.0, 9.0, 9.0], error=1.0)
+    assert pruned(Doubled, drawn, Price(0.1)).worths == [9.0, 9.0, 9.0]
+
+
 def test_every_step_of_a_search_and_every_seed_tries_something_else():
     masses = torch.rand(32, 32, generator=torch.Generator().manual_seed(0)).square()
     maps = torch.tensor([[0.5, 0, 0, 0.5, 0.3, 0.3], [0.5, 0, 0, 0.5, -0.3, -0.3]])

@@ -1,5 +1,6 @@
 """The polish of codes: Jacobians and the frame."""
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -96,6 +97,16 @@ def test_the_stem_of_a_fern_is_a_line_and_its_fronds_are_none(fern):
     picture, stem = objective(image), int(code.linear.det().abs().argmin())
     jacobian = FromPoints(picture, picture.judge(affine.from_code(code)), [stem], 0)
     assert [i for i in range(len(code)) if jacobian.is_line(i)] == [stem]
+
+
+@pytest.mark.parametrize("angle", [0, 30, 45, 90])
+def test_a_shape_on_a_slanted_line_has_lines_for_maps(angle):
+    turned = math.radians(angle)
+    along = torch.tensor([math.cos(turned), math.sin(turned)])
+    maps = torch.stack([torch.cat([torch.eye(2).flatten() / 3, sign * along / 2]) for sign in (-1, 1)])
+    picture = objective(suite.target(affine.to_code(maps), 128))
+    jacobian = FromPoints(picture, picture.judge(maps), [0], 0)
+    assert [jacobian.is_line(i) for i in (0, 1)] == [True, True]
 
 
 def test_only_a_line_is_polished_one_number_at_a_time(fern, monkeypatch):

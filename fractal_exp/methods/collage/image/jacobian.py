@@ -50,7 +50,8 @@ class Jacobian(ABC):
         self.game = trajectories(self.count)
         points = attractor_points(rendered.maps, rendered.probabilities, MOMENTS, self.seed)
         self.mean = points.mean(0).tolist()
-        self.spread = spread = points.std(0).clamp_min(LEAST_SPREAD).tolist()
+        self.covariance = points.double().T.cov().cpu()
+        spread = points.std(0).clamp_min(LEAST_SPREAD).tolist()
         pixel = 2 / objective.side
         self.weights = rendered.weights
         self.units = [(i, j, pixel if j > 3 else pixel / spread[j % 2]) for i in moving for j in range(6)
@@ -80,9 +81,10 @@ class Jacobian(ABC):
         return self.weights
 
     def is_line(self, i: int) -> bool:
-        """Whether the image of map i is at most `WIDEST_PX` wide."""
-        width = torch.linalg.svdvals(self.maps[i, :4].view(2, 2).cpu() * torch.tensor(self.spread))[1]
-        return 2 * self.side * float(width) < WIDEST_PX
+        """Whether the image of map i is narrower than `WIDEST_PX`."""
+        linear = self.maps[i, :4].view(2, 2).cpu().double()
+        narrow, _ = torch.linalg.eigvalsh(linear @ self.covariance @ linear.T)
+        return 2 * self.side * float(narrow.clamp_min(0).sqrt()) < WIDEST_PX
 
     def seen(self, objective: ImageObjective, step: Tensor) -> ImageObjective:
         """The objective after a step of the camera."""

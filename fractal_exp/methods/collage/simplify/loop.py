@@ -176,9 +176,9 @@ def without_one(draft: Draft) -> Iterable[Draft]:
 
 
 class Pruning:
-    """The way to a code without one of its maps, unless pruning is switched off. A map without which the score is
-    `NEEDED` times as high is not tried again: it hardly becomes needless while others go. Roots bring so many maps that
-    every trial counts."""
+    """The way to a code without one of its maps, unless pruning is switched off. A map without which the score is more
+    than `NEEDED` times as high is not tried again: it hardly becomes needless while others go. Roots bring so many maps
+    that every trial counts."""
 
     def __init__(self, price: Price):
         self.price, self.needed = price, set[tuple[float, ...]]()
@@ -187,11 +187,11 @@ class Pruning:
         objective, maps = draft.objective, draft.shown.maps
         if not objective.params.moves.pruning or len(maps) <= fewest(objective.params):
             return []
-        now, found = self._score(draft), []
-        for i, one in enumerate(map(tuple, maps.tolist())):
+        now, rows, found = self._score(draft), [tuple(one) for one in maps.tolist()], []
+        for i, one in enumerate(rows):
             if one not in self.needed:
                 found.append(Draft(objective, objective.without(draft.shown, [i])))
-                if self._score(found[-1]) > NEEDED * now:
+                if self._score(found[-1]) > NEEDED * now and rows.count(one) == 1:  # its double may be needless
                     self.needed.add(one)
         return found
 

@@ -22,7 +22,7 @@ from ..image.jacobian import FromPoints, FromRenderings
 from ..image.objective import Frame, ImageObjective, Rendered
 from ..params import CollageParams
 
-NEEDED = 1.5          # factor on the score without a map above which the map is not tried again
+NEEDED = 1.5          # factor on the score above which a map whose absence raises it so is not tried again
 DRAWN_WORSE = 1.5     # factor on the error: a picture that others drew tells less precisely which code is right
 DRAWN_NOISE = 0.06    # error, radians rms, that counts as noise in such a picture, as no camera draws quite like it
 

@@ -21,7 +21,7 @@ RESTARTS_END, MIXTURE_ENDS, DETAIL_ENDS = 0.35, 0.45, 0.65
 AGREEMENT = 0.02        # relative difference of scores below which two restarts agree; the others are then skipped
 LEFT = 0.75             # time left after a stage on a part of a shape, relative to that on a whole one
 NEAR = 20.0             # noise ratio of a set below which the moves that follow find what it lacks sooner than restarts
-NEARER = 12.0           # the same, sooner than a search from the mixture
+NEARER = 12.0           # the same, sooner than the search from the mixture as well
 
 
 class MeasureStage(Stage):
@@ -124,7 +124,7 @@ class FromMixture(MeasureStage):
         return search.moves if self.problem.split * search.restarts > 1 and search.mixture else 0
 
     def is_wanted(self, state: State) -> bool:
-        """False where a set is so near that this search finds nothing that the later stages do not."""
+        """False once a set is so near that the later stages find sooner what it lacks."""
         return not self._draws_within(NEARER, state.best)
 
     def open(self, state: State) -> State:
